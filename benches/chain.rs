@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::calibrate::{CameraOptions, calibrate_camera};
 use depthcal_calibration::simulated;
 use depthcal_model::chain::{DepthQuery, POSE, Workspace};
 use depthcal_model::{Block, Camera, Context, Register};
@@ -76,7 +76,9 @@ fn whole_calibration(c: &mut Criterion) {
     let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
     let mut group = c.benchmark_group("calibrate_27_frames");
     group.sample_size(10);
-    group.bench_function("joint", |b| b.iter(|| calibrate(black_box(&capture), &CalibrateOptions::default()).unwrap()));
+    group.bench_function("joint", |b| {
+        b.iter(|| calibrate_camera(black_box(&capture), &CameraOptions::default()).unwrap())
+    });
     group.finish();
 }
 

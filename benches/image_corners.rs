@@ -13,8 +13,8 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use depthcal_calibration::calibrate::{CalibrateOptions, calibrate_image};
-use depthcal_calibration::observe::{Capture, DetectedFrame, MarkerObservation, RawFrame};
+use depthcal_calibration::calibrate::{CameraOptions, calibrate_image};
+use depthcal_calibration::observe::{CameraFrames, DetectedFrame, MarkerObservation, RawFrame};
 use depthcal_io::record::Observations;
 
 /// The value after an argument, or the one given here.
@@ -27,7 +27,7 @@ fn argument<T: std::str::FromStr>(name: &str, otherwise: T) -> Result<T, String>
 }
 
 /// The frames whose board was found.
-fn capture(observations: &Observations) -> Result<Capture, Box<dyn Error>> {
+fn capture(observations: &Observations) -> Result<CameraFrames, Box<dyn Error>> {
     let first = observations.frames.first().ok_or("the file has no frames")?;
     let detected = observations.frames.iter().filter(|f| !f.markers.is_empty());
     let frames = detected.map(|frame| {
@@ -36,7 +36,7 @@ fn capture(observations: &Observations) -> Result<Capture, Box<dyn Error>> {
             frame.markers.iter().map(|m| MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px });
         DetectedFrame { raw, markers: markers.collect(), ..DetectedFrame::default() }
     });
-    Ok(Capture {
+    Ok(CameraFrames {
         name: observations.dataset.path.clone(),
         target: observations.target.clone(),
         width: first.width,
@@ -62,8 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).ok_or("usage: image_corners FILE [--threads N] [--repeats N] [--lens LENS]")?;
     let (threads, repeats) = (argument("--threads", 0)?, argument("--repeats", 5_usize)?.max(1));
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
-    let options =
-        CalibrateOptions { lens: argument("--lens", "brown-conrady".to_owned())?, ..CalibrateOptions::default() };
+    let options = CameraOptions { lens: argument("--lens", "brown-conrady".to_owned())?, ..CameraOptions::default() };
     let capture = capture(&Observations::read(&path)?)?;
     let mut timed = Vec::with_capacity(repeats);
     for _ in 0..repeats {

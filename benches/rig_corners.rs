@@ -17,9 +17,9 @@ use std::time::Instant;
 
 use depthcal_calibration::adjust::adjustment::Adjustment;
 use depthcal_calibration::calibrate::calibrate_image;
-use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
-use depthcal_calibration::observe::{CameraCapture, RigCapture};
-use depthcal_calibration::observe::{Capture, DetectedFrame, MarkerObservation, MeasuredDepth, RawFrame};
+use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::observe::{CameraCapture, Capture};
+use depthcal_calibration::observe::{CameraFrames, DetectedFrame, MarkerObservation, MeasuredDepth, RawFrame};
 use depthcal_calibration::rig_simulated::rig_capture;
 use depthcal_model::{Pattern, Target};
 use depthcal_simulate::{self as simulate, Board, Kind, PointOptions, RigCamera, RigSimulation};
@@ -69,7 +69,7 @@ fn list(value: &Value) -> Result<&[Value], Box<dyn Error>> {
     value.as_array().map(Vec::as_slice).ok_or_else(|| format!("{value} is no list").into())
 }
 
-fn read(file: &Value) -> Result<RigCapture, Box<dyn Error>> {
+fn read(file: &Value) -> Result<Capture, Box<dyn Error>> {
     let count = |name: &str| Ok::<_, Box<dyn Error>>(number(&file[name])? as usize);
     let target = Target {
         pattern: Pattern::Chessboard,
@@ -91,7 +91,7 @@ fn read(file: &Value) -> Result<RigCapture, Box<dyn Error>> {
             frames.push(DetectedFrame { raw, markers, wrong_markers: Vec::new() });
         }
         let size = &file["sizes"][camera];
-        let capture = Capture {
+        let capture = CameraFrames {
             name: name.to_owned(),
             target: target.clone(),
             width: number(&size[0])? as usize,
@@ -109,7 +109,7 @@ fn read(file: &Value) -> Result<RigCapture, Box<dyn Error>> {
             camera_from_rig: None,
         });
     }
-    Ok(RigCapture { name: "corners".to_owned(), cameras })
+    Ok(Capture { name: "corners".to_owned(), cameras })
 }
 
 /// Processor time of the process, s: user and system, all threads.
@@ -121,8 +121,8 @@ fn processor_s() -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-fn fit(capture: &RigCapture, repeats: usize) -> Result<Value, Box<dyn Error>> {
-    let options = RigOptions { lens: Some("brown-conrady:full".to_owned()), ..RigOptions::default() };
+fn fit(capture: &Capture, repeats: usize) -> Result<Value, Box<dyn Error>> {
+    let options = CalibrateOptions { lens: Some("brown-conrady:full".to_owned()), ..CalibrateOptions::default() };
     let (mut walls, mut cpus, mut alone) = (Vec::new(), Vec::new(), Vec::new());
     let (mut adjust, mut adjust_cpus) = (Vec::new(), Vec::new());
     let mut last = Value::Null;
@@ -133,7 +133,7 @@ fn fit(capture: &RigCapture, repeats: usize) -> Result<Value, Box<dyn Error>> {
         }
         alone.push(begin.elapsed().as_secs_f64());
         let (begin, cpu) = (Instant::now(), processor_s());
-        let fitted = calibrate_rig(capture, &options)?;
+        let fitted = calibrate(capture, &options)?;
         walls.push(begin.elapsed().as_secs_f64());
         cpus.push(processor_s() - cpu);
         let mut state = fitted.state;

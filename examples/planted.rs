@@ -8,9 +8,9 @@
 use std::error::Error;
 use std::path::Path;
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
 use depthcal::calibration::diagnose::record::to_file;
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, CameraDiagnosis, diagnose_camera};
 use depthcal::calibration::load::{LoadOptions, load};
 use depthcal::calibration::simulated;
 use depthcal::io::FileReference;
@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if capture.frames.iter().all(|f| f.time_s == 0.0) {
         capture.frames.iter_mut().enumerate().for_each(|(i, f)| f.time_s = 10.0 * i as f64);
     }
-    let camera = calibrate(&capture, &CalibrateOptions::default())?.camera;
+    let camera = calibrate_camera(&capture, &CameraOptions::default())?.camera;
     println!("| planted | rms of it, mm | added | said rms, mm | verdict | depth rms before, mm | after, mm |");
     println!("|---|---|---|---|---|---|---|");
     for text in effects.split(',') {
@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Some(effect) => simulated::planted(&capture, camera.pinhole(), effect)?,
             None => (capture.clone(), 0.0),
         };
-        let d = diagnose(&planted, None, &DiagnoseOptions::default())?;
+        let d = diagnose_camera(&planted, None, &CameraDiagnoseOptions::default())?;
         println!("| {text} | {rms_mm:.2} | {}", row(&d));
         let record = to_file(&d, FileReference::default(), "projective".parse()?);
         eprintln!("{text}\n{}", diagnosis_text(&record, &Register::builtin(), Detail::All));
@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn row(d: &Diagnosis) -> String {
+fn row(d: &CameraDiagnosis) -> String {
     let names: Vec<&str> = d.steps.iter().map(|s| s.effects[0].as_str()).collect();
     let sizes: Vec<String> = d.steps.iter().map(|s| format!("{:.2}", s.size_mm)).collect();
     let mm = |h: &depthcal::calibration::diagnose::HeldOut| h.errors.depth_rms_mm.unwrap_or(f64::NAN);

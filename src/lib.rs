@@ -18,15 +18,17 @@
 //! # From captures to corrected depth
 //!
 //! ```no_run
-//! use depthcal::{CalibrateOptions, Corrector, FrameContext, LoadOptions, calibrate, evaluate, load};
+//! use depthcal::{CalibrateOptions, Corrector, FrameContext, LoadOptions, Register, calibrate, calibration_record};
+//! use depthcal::{evaluate_fitted, load};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let loaded = load("captures/".as_ref(), &LoadOptions::default())?;
-//! let camera = loaded.only_camera()?;
-//! let fit = calibrate(&camera.capture, &CalibrateOptions::default())?;
-//! let errors = evaluate(&fit.camera, &fit.capture);
-//! depthcal::calibration_record(&fit, &errors, camera.reference.clone(), None).write("calibration.json")?;
-//! let corrector = Corrector::new(&fit.camera)?;
+//! let capture = loaded.capture(None, &Register::builtin())?;
+//! let fit = calibrate(&capture, &CalibrateOptions::default())?;
+//! let errors = evaluate_fitted(&fit);
+//! let dataset = loaded.cameras[0].reference.clone();
+//! calibration_record(&fit, &errors, dataset, None).write("calibration.json")?;
+//! let corrector = Corrector::new(&fit.reference().calibrated.camera)?;
 //! let depth = depthcal::io::read_depth("depth/0001.png")?;
 //! let mut corrected = depth.clone();
 //! corrector.correct_u16(&depth, 1.0, &FrameContext::default(), &mut corrected)?;
@@ -73,13 +75,19 @@ pub use depthcal_model as model;
 pub use depthcal_report as report;
 pub use depthcal_solver as solver;
 
-pub use depthcal_calibration::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};
-pub use depthcal_calibration::calibration_record::{calibration_record, camera_from_record};
+pub use depthcal_calibration::calibrate::{
+    CalibrateError, CalibrateOptions, Calibrated, CalibratedCamera, CameraOptions, calibrate, calibrate_camera,
+};
+pub use depthcal_calibration::calibration_record::calibration_record;
+pub use depthcal_calibration::camera_record::{camera_from_record, cameras_from_record};
 pub use depthcal_calibration::compare::{CompareOptions, compare};
-pub use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
-pub use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
+pub use depthcal_calibration::diagnose::{
+    CameraDiagnoseOptions, CameraDiagnosis, DiagnoseOptions, Diagnosis, diagnose, diagnose_camera,
+};
+pub use depthcal_calibration::judge::camera::{EvaluatedCamera, evaluate_camera};
+pub use depthcal_calibration::judge::evaluate::{Evaluated, evaluate, evaluate_fitted};
 pub use depthcal_calibration::load::{LoadError, LoadOptions, Loaded, LoadedCamera, load};
-pub use depthcal_calibration::observe::Capture;
+pub use depthcal_calibration::observe::{CameraFrames, Capture};
 pub use depthcal_correction::{Corrector, FrameContext};
 pub use depthcal_model::{Camera, Register};
 

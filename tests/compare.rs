@@ -2,10 +2,10 @@
 
 #![cfg(feature = "detect")]
 
-use depthcal::calibration::calibrate::CalibrateOptions;
+use depthcal::calibration::calibrate::CameraOptions;
 use depthcal::calibration::compare::{CompareOptions, compare, tables};
 use depthcal::calibration::load::{LoadOptions, load};
-use depthcal::calibration::observe::Capture;
+use depthcal::calibration::observe::CameraFrames;
 use depthcal::io::Comparison;
 use depthcal::model::hook::{Depth, DepthState};
 use depthcal::model::{Context, Parameter, Piece, Register, Scalar};
@@ -27,7 +27,7 @@ impl Piece<Depth, 1> for Outside {
     }
 }
 
-fn rendered(camera: usize, kind: Kind, effects: &[Effect], frames: usize) -> Capture {
+fn rendered(camera: usize, kind: Kind, effects: &[Effect], frames: usize) -> CameraFrames {
     let folder = tempfile::tempdir().unwrap();
     let camera = CameraTruth::published(camera).unwrap();
     Simulation::new(camera, kind, effects, 4)
@@ -43,7 +43,7 @@ fn options(models: &[&str]) -> CompareOptions {
     register.add(|_| Outside);
     CompareOptions {
         models: models.iter().map(|m| m.parse().unwrap()).collect(),
-        calibrate: CalibrateOptions { register, ..CalibrateOptions::default() },
+        calibrate: CameraOptions { register, ..CameraOptions::default() },
         folds: 3,
         learning_sizes: vec![4, 8],
         learning_fits: 1,

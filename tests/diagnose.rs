@@ -1,12 +1,12 @@
 //! The loop on simulated captures whose faults are known, at the level of points: named where it has a name, left alone where
 //! it has none, and nothing where there is nothing.
 
-use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal::calibration::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera};
 use depthcal::calibration::diagnose::bad_frames::BadFrameReason;
 use depthcal::calibration::diagnose::examination::scores;
 use depthcal::calibration::diagnose::frame_planes::frame_planes;
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, Step, diagnose};
-use depthcal::calibration::judge::cross_validation::cross_validate;
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, CameraDiagnosis, Step, diagnose_camera};
+use depthcal::calibration::judge::cross_validation::cross_validate_camera;
 use depthcal::calibration::judge::parts::Parts;
 use depthcal::calibration::simulated;
 use depthcal::io::{DiagnosisPlace, Verdict};
@@ -20,17 +20,17 @@ fn simulation(effects: &[(&str, f64)], seed: u64) -> Simulation {
     Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &effects, seed).unit(seed)
 }
 
-fn run(simulation: &Simulation) -> Diagnosis {
+fn run(simulation: &Simulation) -> CameraDiagnosis {
     let observed = simulation.observe_points(&PointOptions::default()).unwrap();
-    diagnose(&simulated::capture(&observed), None, &DiagnoseOptions::default()).unwrap()
+    diagnose_camera(&simulated::capture(&observed), None, &CameraDiagnoseOptions::default()).unwrap()
 }
 
-fn names(d: &Diagnosis) -> Vec<&str> {
+fn names(d: &CameraDiagnosis) -> Vec<&str> {
     d.steps.iter().map(|s| s.effects[0].as_str()).collect()
 }
 
 /// Decision and outcome of every round, for messages.
-fn decisions(d: &Diagnosis) -> Vec<String> {
+fn decisions(d: &CameraDiagnosis) -> Vec<String> {
     d.rounds.iter().map(|r| format!("{:?}: {:?}", r.decision, r.outcome)).collect()
 }
 
@@ -106,7 +106,7 @@ fn effects_of_another_technology_are_listed_until_it_is_declared() {
     let mut capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
     let mut named = |technology: Option<Technology>| {
         capture.technology = technology;
-        let d = diagnose(&capture, None, &DiagnoseOptions::default()).unwrap();
+        let d = diagnose_camera(&capture, None, &CameraDiagnoseOptions::default()).unwrap();
         d.steps.iter().map(|s| (s.spec.name.clone(), s.of_other_technologies.clone())).collect::<Vec<_>>()
     };
     let wave = |rivals: &[&str]| vec![("cyclic_depth".to_owned(), rivals.iter().map(|r| (*r).to_owned()).collect())];
@@ -137,20 +137,23 @@ fn the_last_model_is_that_of_a_calibration_with_the_same_effects() {
         let simulation = simulation(SETS[case % SETS.len()], case as u64 + 1).frames(24);
         let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
         // Formulas take most of the time, and decide nothing here.
-        let d = diagnose(&capture, None, &DiagnoseOptions { formulas: case % 5 == 0, ..Default::default() }).unwrap();
-        let mut options = CalibrateOptions::default();
+        let d =
+            diagnose_camera(&capture, None, &CameraDiagnoseOptions { formulas: case % 5 == 0, ..Default::default() })
+                .unwrap();
+        let mut options = CameraOptions::default();
         options.effects.extend(d.steps.iter().map(|step| step.spec.clone()));
         for formula in &d.formulas {
             formula.effect.register(&mut options.register).unwrap();
         }
         let used = |name: &str| d.last.capture.frames.iter().any(|frame| frame.name == name);
-        let fit = calibrate(&capture.subset(|_, frame| used(&frame.raw.name)), &options).unwrap();
-        let folds = DiagnoseOptions::default().folds;
-        let held_out = |fit| cross_validate(fit, folds, Parts::Interleaved, &options).unwrap().record().depth_rms_mm;
+        let fit = calibrate_camera(&capture.subset(|_, frame| used(&frame.raw.name)), &options).unwrap();
+        let folds = CameraDiagnoseOptions::default().folds;
+        let held_out =
+            |fit| cross_validate_camera(fit, folds, Parts::Interleaved, &options).unwrap().record().depth_rms_mm;
         let [of_loop, of_calibration] = [&d.last, &fit].map(|fit| held_out(fit).unwrap().after);
         let apart = of_loop / of_calibration - 1.0;
         println!("{case}: {:?} {of_loop:.4} mm, {of_calibration:.4} mm by a calibration", names(&d));
-        let words = |fit: &Calibrated| {
+        let words = |fit: &CalibratedCamera| {
             let (noise, free) = (&fit.noise, fit.camera.free_parameters());
             format!("{} outliers, {noise:?}, free parameters {free:?}", fit.outliers)
         };
@@ -212,7 +215,7 @@ fn effects_beyond_the_catalogue_are_unexplained() {
 }
 
 /// Whether no step is a name: maps, formulas and smooth functions describe what they have no name for.
-fn are_descriptions(d: &Diagnosis) -> bool {
+fn are_descriptions(d: &CameraDiagnosis) -> bool {
     let is_description = |n: &&str| *n == "free_map" || d.formulas.iter().any(|f| f.effect.name() == *n);
     names(d).iter().all(is_description)
 }
@@ -222,17 +225,17 @@ fn are_descriptions(d: &Diagnosis) -> bool {
 fn an_effect_that_the_catalogue_lacks_is_unexplained() {
     for (name, size) in [("cyclic_depth", 2.0), ("projector_distortion", 6.0)] {
         let observed = simulation(&[(name, size)], 4).observe_points(&PointOptions::default()).unwrap();
-        let mut options = DiagnoseOptions::default();
+        let mut options = CameraDiagnoseOptions::default();
         options.calibrate.register = Register::builtin().without(name);
         // A ripple in disparity is a wave in depth, as far as a short range of distances goes.
         options.calibrate.register = options.calibrate.register.without("disparity_ripple");
         let capture = simulated::capture(&observed);
-        let without = DiagnoseOptions { formulas: false, ..options.clone() };
-        let d = diagnose(&capture, None, &without).unwrap();
+        let without = CameraDiagnoseOptions { formulas: false, ..options.clone() };
+        let d = diagnose_camera(&capture, None, &without).unwrap();
         assert_eq!(d.verdict, Verdict::Unexplained, "{name}: {:?}", decisions(&d));
         assert!(names(&d).iter().all(|n| *n == "free_map"), "{name}: {:?}", names(&d));
         // A formula that describes it is no name: whatever is among the steps is a description.
-        let d = diagnose(&capture, None, &options).unwrap();
+        let d = diagnose_camera(&capture, None, &options).unwrap();
         assert_ne!(d.verdict, Verdict::Adequate, "{name}: {:?}", decisions(&d));
         assert!(are_descriptions(&d), "{name}: {:?}", names(&d));
     }
@@ -265,9 +268,9 @@ fn an_effect_from_outside_is_named() {
         let [x, y] = undistorted(&camera, sample.context.pixel);
         sample.depth_mm = 1.0 / (1.0 / sample.depth_mm + K_PER_MM * x * (x * x - 3.0 * y * y));
     }
-    let mut options = DiagnoseOptions::default();
+    let mut options = CameraDiagnoseOptions::default();
     options.calibrate.register.add(|_| Trefoil);
-    let d = diagnose(&capture, None, &options).unwrap();
+    let d = diagnose_camera(&capture, None, &options).unwrap();
     assert_eq!(names(&d).first(), Some(&"trefoil"), "{:?}", decisions(&d));
     let fitted = d.steps[0].parameters[0].value;
     assert!((fitted / K_PER_MM - 1.0).abs() < 0.1, "{fitted} instead of {K_PER_MM}");
@@ -338,8 +341,8 @@ fn p_values_of_clean_captures_are_uniform() {
         .into_par_iter()
         .map(|seed| {
             let observed = simulation(&[], 7000 + seed).observe_points(&PointOptions::default()).unwrap();
-            let options = CalibrateOptions::default();
-            let fit = calibrate(&simulated::capture(&observed), &options).unwrap();
+            let options = CameraOptions::default();
+            let fit = calibrate_camera(&simulated::capture(&observed), &options).unwrap();
             let scores = scores(&fit, &options.register, &names.map(PieceSpec::new)).unwrap();
             scores.iter().map(|s| s.p_value).collect()
         })
@@ -358,7 +361,7 @@ fn frames_have_no_planes_of_their_own_in_clean_captures() {
     let mut statistics = Vec::new();
     for seed in 0..10 {
         let observed = simulation(&[], 8000 + seed).observe_points(&PointOptions::default()).unwrap();
-        let fit = calibrate(&simulated::capture(&observed), &CalibrateOptions::default()).unwrap();
+        let fit = calibrate_camera(&simulated::capture(&observed), &CameraOptions::default()).unwrap();
         statistics.extend(frame_planes(&fit).iter().map(|p| p.statistic));
     }
     let n = statistics.len() as f64;

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use depthcal::calibration::diagnose::record::to_file;
-use depthcal::calibration::observe::Capture;
+use depthcal::calibration::observe::CameraFrames;
 use depthcal::calibration::simulated;
 use depthcal::io::{DiagnosisCapture, DiagnosisComponentBin, FileReference, Verdict};
 use depthcal::model::{Of, On};
-use depthcal::{DiagnoseOptions, Diagnosis, diagnose};
+use depthcal::{CameraDiagnoseOptions, CameraDiagnosis, diagnose_camera};
 use depthcal_simulate::{CameraTruth, Form, GivenEffect, Kind, Observation, Place, PointOptions, Simulation};
 
 /// A capture with an error that is given as a function.
@@ -15,7 +15,7 @@ fn capture_with(
     seed: u64,
     (place, form): (Place, Form),
     error: impl Fn(&Observation) -> f64 + Send + Sync + 'static,
-) -> Capture {
+) -> CameraFrames {
     let given = GivenEffect { name: "given".to_owned(), place, form, function: Arc::new(error) };
     let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], seed).frames(27);
     simulated::capture(&simulation.given([given]).observe_points(&PointOptions::default()).unwrap())
@@ -26,16 +26,16 @@ fn diagnosis_of(
     seed: u64,
     place: (Place, Form),
     error: impl Fn(&Observation) -> f64 + Send + Sync + 'static,
-    options: &DiagnoseOptions,
-) -> Diagnosis {
-    diagnose(&capture_with(seed, place, error), None, options).unwrap()
+    options: &CameraDiagnoseOptions,
+) -> CameraDiagnosis {
+    diagnose_camera(&capture_with(seed, place, error), None, options).unwrap()
 }
 
 /// Noise of the last model is that of the camera, so nothing but the formula was missing.
 #[test]
 fn a_product_of_two_covariates_is_found_with_its_place_and_form() {
     let error = |o: &Observation| 10.0 * (1.0 / o.cosine - 1.0) * o.ray[1];
-    let d = diagnosis_of(19, (Place::True, Form::Depth), error, &DiagnoseOptions::default());
+    let d = diagnosis_of(19, (Place::True, Form::Depth), error, &CameraDiagnoseOptions::default());
     assert_eq!(d.verdict, Verdict::Effect, "{:?}", d.formula_refused);
     let [formula] = &d.formulas[..] else { panic!("{} formulas", d.formulas.len()) };
     assert_eq!(formula.covariates, ["incidence", "y"]);
@@ -77,9 +77,9 @@ fn a_product_of_two_covariates_is_found_with_its_place_and_form() {
 fn frames_that_verify_confirm_a_formula_or_do_not() {
     let place = (Place::True, Form::Depth);
     let error = |o: &Observation| 10.0 * (1.0 / o.cosine - 1.0) * o.ray[1];
-    let confirmed_by = |verify: &Capture| {
+    let confirmed_by = |verify: &CameraFrames| {
         let captured = capture_with(19, place, error);
-        let d = diagnose(&captured, Some(verify), &DiagnoseOptions::default()).unwrap();
+        let d = diagnose_camera(&captured, Some(verify), &CameraDiagnoseOptions::default()).unwrap();
         d.formulas.first().map(|f| (f.confirmed, f.replication))
     };
     let (confirmed, replication) = confirmed_by(&capture_with(23, place, error)).expect("a formula");
@@ -94,16 +94,16 @@ fn frames_that_verify_confirm_a_formula_or_do_not() {
 fn a_formula_takes_the_place_of_effects_that_imitate_it() {
     let error = |o: &Observation| 4.0 * o.ray[0] + 2.0 * o.ray[1];
     let place = (Place::True, Form::Depth);
-    let d = diagnosis_of(17, place, error, &DiagnoseOptions::default());
+    let d = diagnosis_of(17, place, error, &CameraDiagnoseOptions::default());
     let names: Vec<&str> = d.steps.iter().map(|s| s.effects[0].as_str()).collect();
     assert_eq!(names, ["found_x_y"], "{:?}", d.formula_refused);
 
     // A delay that grows from one corner: with an offset, which effects of the catalogue imitate too.
-    let d = diagnosis_of(17, place, |o| 4.0 + 4.0 * o.ray[0] + 2.0 * o.ray[1], &DiagnoseOptions::default());
+    let d = diagnosis_of(17, place, |o| 4.0 + 4.0 * o.ray[0] + 2.0 * o.ray[1], &CameraDiagnoseOptions::default());
     let covariates: Vec<_> = d.formulas.iter().map(|f| f.covariates.join(" ")).collect();
     assert_eq!((covariates, d.steps.len()), (vec!["x y".to_owned()], 1), "{:?}", d.formula_refused);
 
-    let without = DiagnoseOptions { formulas: false, ..DiagnoseOptions::default() };
+    let without = CameraDiagnoseOptions { formulas: false, ..CameraDiagnoseOptions::default() };
     let d = diagnosis_of(17, place, error, &without);
     assert!(d.formulas.is_empty() && d.formula_refused.is_none());
 }
@@ -111,7 +111,7 @@ fn a_formula_takes_the_place_of_effects_that_imitate_it() {
 #[test]
 fn nothing_is_found_where_nothing_is_missing() {
     for seed in [3, 4] {
-        let d = diagnosis_of(seed, (Place::True, Form::Depth), |_| 0.0, &DiagnoseOptions::default());
+        let d = diagnosis_of(seed, (Place::True, Form::Depth), |_| 0.0, &CameraDiagnoseOptions::default());
         assert_eq!((d.verdict, d.formulas.len()), (Verdict::Adequate, 0), "{seed}");
         assert!(d.formula_refused.is_some(), "it was searched");
     }

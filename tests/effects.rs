@@ -1,7 +1,7 @@
 //! Every effect of the catalogue, simulated by code that shares nothing with the pieces: left undeclared it raises the
 //! residuals above the noise, declared it lowers them to the noise.
 
-use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal::calibration::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera};
 use depthcal::calibration::simulated;
 use depthcal_simulate::{CameraTruth, Effect, EffectInfo, Kind, Noise, PointOptions, Simulation, catalogue};
 
@@ -22,11 +22,11 @@ fn piece(simulation: &Simulation, name: &str) -> String {
     }
 }
 
-fn fit(simulation: &Simulation, effects: Vec<String>) -> Calibrated {
+fn fit(simulation: &Simulation, effects: Vec<String>) -> CalibratedCamera {
     let observed = simulation.observe_points(&PointOptions::default()).unwrap();
     let effects = effects.iter().map(|e| e.parse().unwrap()).collect();
-    let options = CalibrateOptions { effects, ..CalibrateOptions::default() };
-    calibrate(&simulated::capture(&observed), &options).unwrap()
+    let options = CameraOptions { effects, ..CameraOptions::default() };
+    calibrate_camera(&simulated::capture(&observed), &options).unwrap()
 }
 
 /// Largest deviation from 1 of the ratio of estimated to true noise, with the effect declared. The standard deviation of
@@ -44,7 +44,7 @@ const ENLARGED: [(&str, f64); 2] = [("rational_distortion", 5.0), ("thin_prism",
 
 /// Ratios of estimated to true noise: of markers, and of depth at 0.4, 0.8 and 1.2 m. Residuals that are not noise raise one of
 /// them, and it need not be that of the effect's own image: the joint adjustment weighs both.
-fn ratios(result: &Calibrated, noise: &Noise) -> [f64; 4] {
+fn ratios(result: &CalibratedCamera, noise: &Noise) -> [f64; 4] {
     let depth = |z: f64| result.noise.depth.sigma(1.0 / z) / noise.depth.sigma_rho(1.0 / z);
     [result.noise.pixel_sigma / PointOptions::default().sigma_px, depth(400.0), depth(800.0), depth(1200.0)]
 }

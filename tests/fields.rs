@@ -1,25 +1,26 @@
 //! Fields over the image, fitted to simulated captures whose errors no parametric model has.
 
-use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
-use depthcal::calibration::calibration_record::{calibration_record, camera_from_record};
+use depthcal::calibration::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera};
+use depthcal::calibration::camera_record::camera_from_record;
 use depthcal::calibration::simulated;
-use depthcal::io::FileReference;
+use depthcal::io::{CAMERA, FileReference};
 use depthcal::model::Register;
+use depthcal::{Calibrated, calibration_record, evaluate_fitted};
 use depthcal_simulate::{CameraTruth, Effect, Kind, Noise, PointOptions, Simulation};
 
 fn simulation(effects: &[Effect], frames: usize) -> Simulation {
     Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), effects, 5).frames(frames)
 }
 
-fn fit(simulation: &Simulation, model: &str, effects: &[&str]) -> Calibrated {
+fn fit(simulation: &Simulation, model: &str, effects: &[&str]) -> CalibratedCamera {
     let observed = simulation.observe_points(&PointOptions::default()).unwrap();
     let effects = effects.iter().map(|e| e.parse().unwrap()).collect();
-    let options = CalibrateOptions { model: model.parse().unwrap(), effects, ..CalibrateOptions::default() };
-    calibrate(&simulated::capture(&observed), &options).unwrap()
+    let options = CameraOptions { model: model.parse().unwrap(), effects, ..CameraOptions::default() };
+    calibrate_camera(&simulated::capture(&observed), &options).unwrap()
 }
 
 /// Depth error that the model leaves, mm rms, noise taken off.
-fn left_mm(result: &Calibrated) -> f64 {
+fn left_mm(result: &CalibratedCamera) -> f64 {
     let noise = Noise::default();
     let depths = result.capture.frames.iter().flat_map(|f| f.samples.iter().map(|s| s.depth_mm));
     let variances: Vec<f64> = depths.map(|z| (noise.depth.sigma_rho(1.0 / z) * z * z).powi(2)).collect();
@@ -85,8 +86,8 @@ fn nodes_without_data_stay_neutral_and_files_keep_fields() {
     for (free, value) in block.free.iter().zip(&block.theta) {
         assert!(*free || *value == 1.0);
     }
-    let evaluated = depthcal::calibration::judge::evaluate::evaluate(&result.camera, &result.capture);
-    let record = calibration_record(&result, &evaluated, FileReference::default(), None);
+    let alone = Calibrated::of_camera(CAMERA, result.clone());
+    let record = calibration_record(&alone, &evaluate_fitted(&alone), FileReference::default(), None);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("calibration.json");
     record.write(&path).unwrap();

@@ -3,8 +3,8 @@
 
 #![cfg(feature = "detect")]
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::judge::evaluate::evaluate;
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal::calibration::judge::camera::evaluate_camera;
 use depthcal::calibration::load::{LoadOptions, LoadedCamera, load};
 use depthcal_simulate::{Board, CameraTruth, Kind, Pattern, Simulation};
 
@@ -33,8 +33,8 @@ fn a_rendered_fisheye_capture_is_calibrated() {
     println!("{boards} of {} boards found, markers up to {widest:.0} px from the axis", Kind::General(1).frames());
     assert!(boards * 10 >= Kind::General(1).frames() * 8, "{boards} boards found");
     assert!(widest > 300.0, "markers reach only {widest} px from the axis");
-    let options = CalibrateOptions { lens: "kannala-brandt".to_owned(), ..CalibrateOptions::default() };
-    let result = calibrate(&capture, &options).unwrap();
+    let options = CameraOptions { lens: "kannala-brandt".to_owned(), ..CameraOptions::default() };
+    let result = calibrate_camera(&capture, &options).unwrap();
     let [fx, fy, cx, cy, _] = result.camera.pinhole();
     println!("fx {fx:.3}, fy {fy:.3}, cx {cx:.3}, cy {cy:.3}; reprojection {:.4} px", result.reprojection_rms_px);
     assert!((fx - truth.focal_px[0]).abs() < 0.3, "fx = {fx}");
@@ -44,7 +44,7 @@ fn a_rendered_fisheye_capture_is_calibrated() {
     let pinhole = [truth.focal_px[0], truth.focal_px[1], truth.centre_px[0], truth.centre_px[1], truth.skew_px];
     let theta: Vec<f64> = truth.fisheye.unwrap().into_iter().chain(pinhole).chain(truth.depth).collect();
     let oracle = result.camera.with_theta(&theta);
-    let depth = |camera| evaluate(camera, &other).record().depth_rms_mm.unwrap();
+    let depth = |camera| evaluate_camera(camera, &other).record().depth_rms_mm.unwrap();
     let (fitted, best) = (depth(&result.camera), depth(&oracle));
     println!(
         "depth rms: {:.3} mm before, {:.3} mm after, {:.3} mm with the true camera",

@@ -9,9 +9,10 @@ use depthcal::calibration::adjust::camera_prior::CameraPrior;
 use depthcal::calibration::diagnose::effect_scores::effect_scores;
 use depthcal::calibration::simulated;
 use depthcal::fleet::{FleetOptions, Unit, join, read_units};
-use depthcal::io::{Calibration, FileReference, Fleet, Prior, Scores};
+use depthcal::io::{CAMERA, Calibration, FileReference, Fleet, Prior, Scores};
 use depthcal::model::Register;
-use depthcal::{CalibrateOptions, Calibrated, Capture, calibrate, calibration_record, evaluate};
+use depthcal::{Calibrated, CalibratedCamera, CameraFrames, CameraOptions};
+use depthcal::{calibrate_camera, calibration_record, evaluate_fitted};
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 use depthcal_statistics::{chi_squared_tail, noncentrality};
 use rayon::prelude::*;
@@ -29,29 +30,30 @@ fn camera(unit: usize) -> CameraTruth {
     camera
 }
 
-fn capture(unit: usize, frames: usize, size: f64) -> Capture {
+fn capture(unit: usize, frames: usize, size: f64) -> CameraFrames {
     let effects = [Effect::new(EFFECT, size).unwrap()];
     let simulation = Simulation::new(camera(unit), Kind::General(1), &effects, 40 + unit as u64);
     let simulation = simulation.frames(frames);
     simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap())
 }
 
-fn fit(unit: usize, frames: usize, options: &CalibrateOptions) -> Calibrated {
-    calibrate(&capture(unit, frames, SIZE), options).unwrap()
+fn fit(unit: usize, frames: usize, options: &CameraOptions) -> CalibratedCamera {
+    calibrate_camera(&capture(unit, frames, SIZE), options).unwrap()
 }
 
 /// All units have the same terms of the lens.
-fn plain() -> CalibrateOptions {
-    CalibrateOptions { lens: "brown-conrady:full".to_owned(), ..CalibrateOptions::default() }
+fn plain() -> CameraOptions {
+    CameraOptions { lens: "brown-conrady:full".to_owned(), ..CameraOptions::default() }
 }
 
-fn with_effect() -> CalibrateOptions {
-    CalibrateOptions { effects: vec![EFFECT.parse().unwrap()], ..plain() }
+fn with_effect() -> CameraOptions {
+    CameraOptions { effects: vec![EFFECT.parse().unwrap()], ..plain() }
 }
 
-fn records(unit: usize, fit: &Calibrated) -> (Calibration, Scores) {
+fn records(unit: usize, fit: &CalibratedCamera) -> (Calibration, Scores) {
     let dataset = FileReference { path: format!("unit{unit}"), digest: format!("{unit:x}") };
-    let record = calibration_record(fit, &evaluate(&fit.camera, &fit.capture), dataset.clone(), None);
+    let alone = Calibrated::of_camera(CAMERA, fit.clone());
+    let record = calibration_record(&alone, &evaluate_fitted(&alone), dataset.clone(), None);
     (record, effect_scores(fit, &Register::builtin(), dataset).unwrap().unwrap())
 }
 
@@ -60,15 +62,15 @@ fn records(unit: usize, fit: &Calibrated) -> (Calibration, Scores) {
 #[test]
 fn scores_and_conditioning_are_what_adjusting_gives() {
     let register = Register::builtin();
-    let unit = |options: &CalibrateOptions| {
+    let unit = |options: &CameraOptions| {
         // So small that the noise that is estimated without the effect is the noise: weights that differ would move a model that
         // lacks it.
-        let fit = calibrate(&capture(0, 24, 1.5), options).unwrap();
+        let fit = calibrate_camera(&capture(0, 24, 1.5), options).unwrap();
         let (record, scores) = records(0, &fit);
         Unit::new("unit", "", &record, Some(&scores), &register).unwrap()
     };
-    let without = unit(&CalibrateOptions { frame_planes: false, ..plain() });
-    let with = unit(&CalibrateOptions { frame_planes: false, ..with_effect() });
+    let without = unit(&CameraOptions { frame_planes: false, ..plain() });
+    let with = unit(&CameraOptions { frame_planes: false, ..with_effect() });
     let names: Vec<String> = with.parameters.iter().map(|p| p.name.clone()).collect();
     let base: Vec<String> = without.parameters.iter().map(|p| p.name.clone()).collect();
     assert_eq!(names.len(), base.len() + 1);
@@ -103,7 +105,7 @@ fn small(number: usize, size: f64) -> (Unit, Scores) {
     let effects = if size > 0.0 { vec![Effect::new(EFFECT, size).unwrap()] } else { Vec::new() };
     let simulation = Simulation::new(camera(number % 7), Kind::General(1), &effects, 900 + number as u64).frames(12);
     let options = PointOptions { depth_samples: 100, ..PointOptions::default() };
-    let fit = calibrate(&simulated::capture(&simulation.observe_points(&options).unwrap()), &plain()).unwrap();
+    let fit = calibrate_camera(&simulated::capture(&simulation.observe_points(&options).unwrap()), &plain()).unwrap();
     let (mut record, scores) = records(0, &fit);
     record.dataset.digest = format!("{number:x}");
     (Unit::new(&format!("unit{number}"), "", &record, Some(&scores), &Register::builtin()).unwrap(), scores)
@@ -163,7 +165,7 @@ fn a_small_fleet_from_files_to_the_next_unit() {
     // The next unit, from four frames.
     let prior = Prior::read(folder.path("fleet/prior.json")).unwrap();
     let prior = Some(Arc::new(CameraPrior::from(&prior)));
-    let few = fit(6, 4, &CalibrateOptions { prior, ..with_effect() });
+    let few = fit(6, 4, &CameraOptions { prior, ..with_effect() });
     let truth = camera(6);
     let z = |name: &str, parameter: &str, truth: f64| {
         let columns = few.camera.parameter_ranges().nth(few.camera.block_index(name).unwrap()).unwrap();
@@ -201,7 +203,7 @@ fn priors_are_weighed_by_their_information() {
             mean: nalgebra::DVector::from_element(1, mean),
             covariance: nalgebra::DMatrix::from_element(1, 1, factor * variance),
         };
-        let with = fit(0, 12, &CalibrateOptions { prior: Some(Arc::new(prior)), ..options.clone() });
+        let with = fit(0, 12, &CameraOptions { prior: Some(Arc::new(prior)), ..options.clone() });
         let expected = (factor * value + mean) / (factor + 1.0);
         let fitted = with.camera.theta()[column];
         assert!((fitted - expected).abs() < 0.1 * variance.sqrt(), "{factor}: {fitted}, expected {expected}");

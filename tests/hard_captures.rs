@@ -1,7 +1,7 @@
 //! Captures as they come: frames that carry no pose and depth pixels that lie. They are calibrated like clean ones.
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::observe::{Capture, MarkerObservation};
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal::calibration::observe::{CameraFrames, MarkerObservation};
 use depthcal::calibration::simulated;
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 use rand::seq::SliceRandom;
@@ -15,13 +15,13 @@ const SATURATED: f64 = 0.01;
 /// Share that sees what is behind the board.
 const BACKGROUND: f64 = 0.02;
 
-fn capture(seed: u64) -> Capture {
+fn capture(seed: u64) -> CameraFrames {
     let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], seed);
     simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap())
 }
 
 /// A third of the frames is left with 4 to 8 markers, at random or on a line; single depth pixels lie.
-fn harden(capture: &mut Capture, seed: u64) {
+fn harden(capture: &mut CameraFrames, seed: u64) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut places: Vec<usize> = (0..capture.frames.len()).collect();
     places.shuffle(&mut rng);
@@ -50,8 +50,8 @@ fn harden(capture: &mut Capture, seed: u64) {
 }
 
 /// Whether all free parameters are within three standard deviations of the truth.
-fn is_right(capture: &Capture) -> bool {
-    let result = calibrate(capture, &CalibrateOptions::default()).unwrap();
+fn is_right(capture: &CameraFrames) -> bool {
+    let result = calibrate_camera(capture, &CameraOptions::default()).unwrap();
     let truth = simulated::true_theta(&CameraTruth::published(1).unwrap());
     let errors = result.camera.theta().into_iter().zip(truth).zip(result.std_devs());
     errors.filter_map(|((value, truth), std)| Some((value - truth).abs() / std?)).all(|z| z <= 3.0)

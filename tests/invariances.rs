@@ -1,8 +1,8 @@
 //! Invariances of a calibration: the order of the frames, the end at which the board's markers are counted from, the unit of
 //! length.
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::observe::{Capture, MeasuredDepth};
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal::calibration::observe::{CameraFrames, MeasuredDepth};
 use depthcal::calibration::simulated;
 use depthcal_simulate::{Board, CameraTruth, Kind, Pattern, PointOptions, Simulation};
 use rand::seq::SliceRandom;
@@ -14,7 +14,7 @@ const SEEDS: u64 = 6;
 const STANDARD_DEVIATIONS: f64 = 0.03;
 
 /// A chessboard, which looks the same after half a turn.
-fn capture(seed: u64) -> Capture {
+fn capture(seed: u64) -> CameraFrames {
     let camera = CameraTruth::published(1 + (seed % 4) as usize).unwrap();
     let board = Board { pattern: Pattern::Chessboard, columns: 9, rows: 6, spacing_mm: 25.0, ..Board::default() };
     let simulation = Simulation::new(camera, Kind::General(1), &[], seed).board(board);
@@ -22,8 +22,8 @@ fn capture(seed: u64) -> Capture {
 }
 
 /// Parameters of the camera with their standard deviations, 0 for those that were not estimated.
-fn fitted(capture: &Capture) -> Vec<(f64, f64)> {
-    let result = calibrate(capture, &CalibrateOptions::default()).unwrap();
+fn fitted(capture: &CameraFrames) -> Vec<(f64, f64)> {
+    let result = calibrate_camera(capture, &CameraOptions::default()).unwrap();
     assert!(result.capture.dropped.is_empty(), "{:?}", result.capture.dropped);
     let covariance = result.covariance.unwrap();
     result.camera.theta().into_iter().enumerate().map(|(i, p)| (p, covariance[(i, i)].max(0.0).sqrt())).collect()

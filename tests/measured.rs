@@ -2,10 +2,10 @@
 
 #![cfg(feature = "detect")]
 
-use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal::calibration::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera};
 use depthcal::calibration::compare::{CompareOptions, compare};
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
-use depthcal::calibration::judge::evaluate::evaluate;
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, CameraDiagnosis, diagnose_camera};
+use depthcal::calibration::judge::camera::evaluate_camera;
 use depthcal::calibration::load::{LoadOptions, LoadedCamera, load};
 use depthcal::calibration::simulated::planted;
 use depthcal_simulate::Effect;
@@ -53,11 +53,11 @@ fn kinect2_maps_are_not_worse_than_d() {
 fn kinect2_on_frames_that_the_fit_did_not_see() {
     let Some(loaded) = measured("kinect2") else { return };
     assert_eq!(loaded.capture.frames.len(), 51);
-    let fit = |part: usize| -> (Calibrated, f64, usize) {
+    let fit = |part: usize| -> (CalibratedCamera, f64, usize) {
         let fitted = loaded.capture.subset(|i, _| i % 2 != part);
         let held = loaded.capture.subset(|i, _| i % 2 == part);
-        let result = calibrate(&fitted, &CalibrateOptions::default()).unwrap();
-        let record = evaluate(&result.camera, &held).record();
+        let result = calibrate_camera(&fitted, &CameraOptions::default()).unwrap();
+        let record = evaluate_camera(&result.camera, &held).record();
         let rms = record.depth_rms_mm.unwrap();
         let pixels = record.frames_detail.iter().map(|f| f.depth_pixels).sum();
         println!(
@@ -79,7 +79,7 @@ fn kinect2_on_frames_that_the_fit_did_not_see() {
 }
 
 /// The verdict and the added effects.
-fn found(d: &Diagnosis) -> String {
+fn found(d: &CameraDiagnosis) -> String {
     let added: Vec<&str> = d.steps.iter().map(|s| s.effects[0].as_str()).collect();
     format!("{:?}, added: {}", d.verdict, added.join(", "))
 }
@@ -90,7 +90,7 @@ fn found(d: &Diagnosis) -> String {
 #[test]
 fn the_loop_closes_on_kinect2() {
     let Some(loaded) = measured("kinect2") else { return };
-    let d = diagnose(&loaded.capture, None, &DiagnoseOptions::default()).unwrap();
+    let d = diagnose_camera(&loaded.capture, None, &CameraDiagnoseOptions::default()).unwrap();
     let (before, after) = (d.before.errors.depth_rms_mm.unwrap(), d.after.errors.depth_rms_mm.unwrap());
     println!("kinect2: {before:.2} → {after:.2} mm on held-out frames; {}", found(&d));
     assert_eq!(d.steps[0].effects[0], "stray_light");
@@ -105,10 +105,10 @@ fn planted_effects_are_found_on_top_of_the_cameras_own() {
     let Some(mut loaded) = measured("kinect2") else { return };
     let capture = &mut loaded.capture;
     capture.frames.iter_mut().enumerate().for_each(|(i, f)| f.time_s = 10.0 * i as f64);
-    let pinhole = calibrate(capture, &CalibrateOptions::default()).unwrap().camera.pinhole();
+    let pinhole = calibrate_camera(capture, &CameraOptions::default()).unwrap().camera.pinhole();
     for (name, size) in [("cyclic_depth", 4.0), ("temporal_drift", 12.0), ("depth_registration", 6.0)] {
         let (planted, _) = planted(capture, pinhole, &Effect::new(name, size).unwrap()).unwrap();
-        let d = diagnose(&planted, None, &DiagnoseOptions::default()).unwrap();
+        let d = diagnose_camera(&planted, None, &CameraDiagnoseOptions::default()).unwrap();
         let (before, after) = (d.before.errors.depth_rms_mm.unwrap(), d.after.errors.depth_rms_mm.unwrap());
         println!("{name}: {before:.2} → {after:.2} mm; {}", found(&d));
         assert!(d.steps.iter().any(|s| s.effects[0] == name), "{name}: {:?}", d.rounds);

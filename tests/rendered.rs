@@ -2,8 +2,8 @@
 
 #![cfg(feature = "detect")]
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::judge::evaluate::evaluate;
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal::calibration::judge::camera::evaluate_camera;
 use depthcal::calibration::load::{LoadOptions, load};
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 
@@ -51,12 +51,12 @@ fn boards_centres_focal_length_and_depth_of_rendered_captures() {
                 count += 1;
             }
         }
-        let result = calibrate(&loaded.capture, &CalibrateOptions::default()).unwrap();
+        let result = calibrate_camera(&loaded.capture, &CameraOptions::default()).unwrap();
         let [fx, fy, ..] = result.camera.pinhole();
         println!("seed {seed}: fx {fx:.3}, fy {fy:.3}, reprojection {:.4} px", result.reprojection_rms_px);
         assert!((fx - camera.focal_px[0]).abs() < 0.3, "fx = {fx}");
         assert!((fy - camera.focal_px[1]).abs() < 0.3, "fy = {fy}");
-        let errors = evaluate(&result.camera, &loaded.capture).record();
+        let errors = evaluate_camera(&result.camera, &loaded.capture).record();
         println!("{}", depthcal::calibration::judge::table::table(std::slice::from_ref(&errors), None));
         let rms = errors.depth_rms_mm.unwrap();
         assert!(rms.after < 0.3 * rms.before, "depth rms {:.2} mm to {:.2} mm", rms.before, rms.after);

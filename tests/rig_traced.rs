@@ -3,14 +3,14 @@
 #![cfg(feature = "detect")]
 
 use depthcal::Register;
-use depthcal::calibration::diagnose::rig::{RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
+use depthcal::calibration::diagnose::{DiagnoseOptions, DiagnosedCamera, Diagnosis, RigDiagnosis, diagnose};
 use depthcal::calibration::load::{LoadOptions, load};
 use depthcal_simulate::{Effect, Kind, RigCamera, RigSimulation};
 
 const FRAMES: usize = 20;
 
 /// Renders the cameras, one of which has the effect, and diagnoses their images.
-fn diagnosed(cameras: [&str; 2], afflicted: &str, (effect, size_mm): (&str, f64), seed: u64) -> RigDiagnosis {
+fn diagnosed(cameras: [&str; 2], afflicted: &str, (effect, size_mm): (&str, f64), seed: u64) -> Diagnosis {
     let camera = |name: &str| {
         let camera = RigCamera::usual(name, 1).unwrap().unwrap();
         if name == afflicted { camera.effect(Effect::new(effect, size_mm).unwrap()) } else { camera }
@@ -20,14 +20,19 @@ fn diagnosed(cameras: [&str; 2], afflicted: &str, (effect, size_mm): (&str, f64)
     let rig = RigSimulation::new(cameras.map(camera).to_vec(), Kind::General(1), seed).frames(FRAMES);
     rig.write_dataset(&captures).unwrap();
     let rig = load(&captures, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap();
-    let options = RigDiagnoseOptions { formulas: false, ..RigDiagnoseOptions::default() };
-    diagnose_rig(&rig.capture(&Register::builtin()).unwrap(), None, &options).unwrap()
+    let options = DiagnoseOptions { formulas: false, ..DiagnoseOptions::default() };
+    diagnose(&rig.capture(None, &Register::builtin()).unwrap(), None, &options).unwrap()
+}
+
+/// The findings on all cameras together.
+fn rig(diagnosis: &Diagnosis) -> &RigDiagnosis {
+    diagnosis.rig.as_ref().unwrap()
 }
 
 /// Effects that were added, `CAMERA:EFFECT`.
-fn added(diagnosis: &RigDiagnosis) -> Vec<String> {
-    let names = |camera: &depthcal::calibration::diagnose::rig::CameraDiagnosis| {
-        camera.effects.iter().map(|effect| format!("{}:{}", camera.name, effect.name)).collect::<Vec<_>>()
+fn added(diagnosis: &Diagnosis) -> Vec<String> {
+    let names = |camera: &DiagnosedCamera| {
+        camera.effects().iter().map(|effect| format!("{}:{}", camera.name, effect.name)).collect::<Vec<_>>()
     };
     diagnosis.cameras.iter().flat_map(names).collect()
 }
@@ -44,7 +49,7 @@ fn of_the_infrared_camera_next_to_a_colour_camera() {
 fn of_depth_without_images() {
     let diagnosis = diagnosed(["infrared", "depth"], "depth", ("cyclic_depth", 4.0), 12);
     assert_eq!(added(&diagnosis), ["depth:cyclic_depth"]);
-    let camera = diagnosis.last.camera("depth").unwrap();
+    let camera = rig(&diagnosis).last.camera("depth").unwrap();
     let (fitted, std_devs) = (camera.calibrated.camera.pinhole(), camera.calibrated.std_devs());
     let truth = [365.4, 365.9, 258.6, 208.2];
     for i in 0..4 {
@@ -52,7 +57,7 @@ fn of_depth_without_images() {
         let sigma = std_devs[i].unwrap();
         assert!((fitted[i] - truth[i]).abs() < 4.0 * sigma, "{i}: {} ± {sigma}, not {}", fitted[i], truth[i]);
     }
-    let shown = &diagnosis.cameras.iter().find(|c| c.name == "depth").unwrap().in_rig[0];
+    let shown = &diagnosis.camera("depth").unwrap().in_rig.as_ref().unwrap().before[0];
     assert!(shown.left_out.after < 0.8 * shown.left_out.before, "{shown:?}");
 }
 

@@ -1,6 +1,6 @@
 //! Start values: recovered where the captures determine them, refused with a reason where they do not.
 
-use depthcal::calibration::observe::{Capture, MarkerObservation};
+use depthcal::calibration::observe::{CameraFrames, MarkerObservation};
 use depthcal::calibration::simulated;
 use depthcal::calibration::start::{FrameMarkers, StartError, estimate_pose, homography, start_values};
 use depthcal::model::{Block, Camera, Register};
@@ -11,13 +11,13 @@ fn exact() -> PointOptions {
     PointOptions { sigma_px: 0.0, depth_samples: 0, ..PointOptions::default() }
 }
 
-fn observe(simulation: &Simulation, options: &PointOptions) -> (PointObservations, Capture) {
+fn observe(simulation: &Simulation, options: &PointOptions) -> (PointObservations, CameraFrames) {
     let observed = simulation.observe_points(options).unwrap();
     let capture = simulated::capture(&observed);
     (observed, capture)
 }
 
-fn start(capture: &Capture) -> Result<(Camera, Vec<Isometry3<f64>>), StartError> {
+fn start(capture: &CameraFrames) -> Result<(Camera, Vec<Isometry3<f64>>), StartError> {
     let frames: Vec<FrameMarkers<'_>> =
         capture.frames.iter().map(|f| FrameMarkers { name: &f.name, markers: &f.markers }).collect();
     let register = Register::builtin();

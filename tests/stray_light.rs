@@ -3,11 +3,11 @@
 
 #![cfg(feature = "detect")]
 
-use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, diagnose};
-use depthcal::calibration::judge::evaluate::evaluate;
+use depthcal::calibration::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera};
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, diagnose_camera};
+use depthcal::calibration::judge::camera::evaluate_camera;
 use depthcal::calibration::load::{LoadOptions, load};
-use depthcal::calibration::observe::Capture;
+use depthcal::calibration::observe::CameraFrames;
 use depthcal::correction::{Corrector, FrameContext};
 use depthcal::io::{DepthImage, GrayImage};
 use depthcal_simulate::{
@@ -48,7 +48,7 @@ fn rendering() -> Rendering {
     Rendering { image_bits: 16, max_range_mm: 4000.0, clutter: 3, wall_mm: 1700.0, ..Rendering::default() }
 }
 
-fn capture(simulation: &Simulation) -> Capture {
+fn capture(simulation: &Simulation) -> CameraFrames {
     let folder = tempfile::tempdir().unwrap();
     simulation.write_dataset(folder.path().join("capture")).unwrap();
     load(&folder.path().join("capture"), &LoadOptions { cache: None, ..LoadOptions::default() })
@@ -58,13 +58,13 @@ fn capture(simulation: &Simulation) -> Capture {
         .capture
 }
 
-fn fit(capture: &Capture, effects: &[&str]) -> Calibrated {
+fn fit(capture: &CameraFrames, effects: &[&str]) -> CalibratedCamera {
     let effects = effects.iter().map(|e| e.parse().unwrap()).collect();
-    calibrate(capture, &CalibrateOptions { effects, ..CalibrateOptions::default() }).unwrap()
+    calibrate_camera(capture, &CameraOptions { effects, ..CameraOptions::default() }).unwrap()
 }
 
-fn depth_rms_mm(fit: &Calibrated, capture: &Capture) -> f64 {
-    evaluate(&fit.camera, capture).record().depth_rms_mm.unwrap().after
+fn depth_rms_mm(fit: &CalibratedCamera, capture: &CameraFrames) -> f64 {
+    evaluate_camera(&fit.camera, capture).record().depth_rms_mm.unwrap().after
 }
 
 /// A camera that modulates its light by 20 MHz instead of by the frequencies of a Kinect v2: nothing in the dataset says so.
@@ -73,7 +73,7 @@ fn unknown_modulation_frequencies_are_found() {
     let effect = Effect::new("stray_light", 1.5).unwrap();
     let rendering = Rendering { modulation_mhz: [20.0, 0.0, 0.0], ..rendering() };
     let seen = capture(&simulation(&[effect]).rendering(rendering));
-    let d = diagnose(&seen, None, &DiagnoseOptions::default()).unwrap();
+    let d = diagnose_camera(&seen, None, &CameraDiagnoseOptions::default()).unwrap();
     let step = d.steps.iter().find(|s| s.spec.name == "stray_light").unwrap();
     let told = fit(&seen, &["stray_light@f1_mhz=20"]);
     let [fitted, told] = [&d.last, &told].map(|fit| depth_rms_mm(fit, &seen));

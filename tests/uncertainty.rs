@@ -1,6 +1,6 @@
 //! The reported standard deviations are right: 100 simulated captures of camera 1 at the point level.
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
 use depthcal::calibration::simulated;
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 use nalgebra::DVector;
@@ -13,7 +13,7 @@ fn one(seed: u64) -> (Vec<f64>, f64) {
     let camera = CameraTruth::published(1).unwrap();
     let simulation = Simulation::new(camera, Kind::General(1), &[], seed);
     let observed = simulation.observe_points(&PointOptions::default()).unwrap();
-    let result = calibrate(&simulated::capture(&observed), &CalibrateOptions::default()).unwrap();
+    let result = calibrate_camera(&simulated::capture(&observed), &CameraOptions::default()).unwrap();
     assert!(result.capture.dropped.is_empty(), "seed {seed}: {:?}", result.capture.dropped);
     let truth = simulated::true_theta(&camera);
     let covariance = result.covariance.as_ref().unwrap();
@@ -37,7 +37,7 @@ fn exact_observations_give_the_exact_camera() {
     let simulation = Simulation::new(camera, Kind::General(1), &[], 1).noise(depthcal_simulate::Noise::none());
     let options = PointOptions { sigma_px: 0.0, ..PointOptions::default() };
     let observed = simulation.observe_points(&options).unwrap();
-    let result = calibrate(&simulated::capture(&observed), &CalibrateOptions::default()).unwrap();
+    let result = calibrate_camera(&simulated::capture(&observed), &CameraOptions::default()).unwrap();
     let truth = simulated::true_theta(&camera);
     // k1 … k3, fx … skew, D: rounding of the solution, in each group's own size.
     let tolerances = [[1e-6; 5], [1e-4; 5]].concat().into_iter().chain([1e-10, 1e-10, 1e-10, 1e-6]);

@@ -1,249 +1,153 @@
-//! Between calibrations in memory and `calibration.json`.
+//! From calibrated cameras in memory to `calibration.json`.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-use depthcal_formula::{FormulaEffect, FormulaError};
 use depthcal_io::{
-    Calibration, CameraRecord, CovarianceRecord, DiagnosisDeclaration, FileReference, FitRecord, FrameRecord,
-    NoiseRecord, ParameterRecord, PieceRecord, PriorUse, UsedPriorParameter,
+    Calibration, CameraRecord, CovarianceRecord, DriftRecord, DroppedFrame, ExtrinsicsRecord, ExtrinsicsStdDev,
+    FileReference, FitRecord, FrameRecord, TimeOffsetRecord,
 };
-use depthcal_model::{AnyPiece, Block, Camera, FormulaDefinition, Options, Placement, Register, RegisterError};
-use depthcal_statistics::chi_squared_tail;
-use nalgebra::DVector;
-use thiserror::Error;
+use depthcal_statistics::rms;
+use nalgebra::{DMatrix, Isometry3};
 
-pub use crate::calibrate::parameter_names;
-use crate::calibrate::{Calibrated, ImplausibleScale, PLAUSIBLE_SCALE_DEVIATION, implausible_scale};
+use crate::adjust::state::RigFrame;
+use crate::calibrate::{Calibrated, CameraFit};
+use crate::camera_record::{declarations, noise_record, piece_records, prior_use};
+use crate::judge::camera::EvaluatedFrame;
 use crate::judge::evaluate::Evaluated;
+use crate::observe::PlaceDrift;
 
-/// Why a calibration file does not make a camera.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum RecordError {
-    /// A piece is not known here.
-    #[error(transparent)]
-    Register(#[from] RegisterError),
-    /// A piece has other parameters here.
-    #[error(
-        "piece '{piece}' of the calibration has the parameters {found}, but this version expects {expected}: \
-             calibrate again"
-    )]
-    Parameters {
-        /// The piece.
-        piece: String,
-        /// Names in the file.
-        found: String,
-        /// Names expected.
-        expected: String,
-    },
-    /// The formula of a piece is at fault.
-    #[error(transparent)]
-    Formula(#[from] FormulaError),
-    /// There is no pinhole.
-    #[error("the calibration has no piece 'pinhole'")]
-    NoPinhole,
-}
-
-/// The file's content for a calibration.
-///
-/// `fitted` is the evaluation of the frames that were fitted; it gives the errors of each frame.
+/// The file's content for calibrated cameras. `fitted` is the evaluation of the fitted frames; it gives the errors of each frame.
 pub fn calibration_record(
     result: &Calibrated,
     fitted: &Evaluated,
     dataset: FileReference,
     observations: Option<FileReference>,
 ) -> Calibration {
-    let camera = &result.camera;
-    let pieces = piece_records(camera, &result.std_devs());
-    let names: Vec<(String, bool)> = parameter_names(camera);
-    let covariance = result.covariance.as_ref().map(|c| {
-        let free: Vec<usize> = (0..names.len()).filter(|i| names[*i].1 && c[(*i, *i)] > 0.0).collect();
-        CovarianceRecord {
-            parameters: free.iter().map(|i| names[*i].0.clone()).collect(),
-            matrix: free.iter().map(|i| free.iter().map(|j| c[(*i, *j)]).collect()).collect(),
-        }
-    });
+    let reference = &result.reference().calibrated;
+    let only = result.only_camera();
+    let with_depth = result.cameras.iter().map(|c| &c.calibrated).find(|c| c.with_depth).unwrap_or(reference);
+    let mut cameras = result.cameras.iter().map(camera_record);
+    let reference_record = cameras.next().unwrap_or_else(|| camera_record(result.reference()));
     Calibration {
-        camera: CameraRecord {
-            noise: noise_record(result),
-            depth_unit_mm: result.capture.depth_unit_mm,
-            frames_used: result.capture.frames.len(),
-            reprojection_rms_px: Some(result.reprojection_rms_px),
-            depth_rms_mm: result.depth_rms_mm,
-            ..CameraRecord::unnamed([camera.width, camera.height], pieces)
-        },
-        others: Vec::new(),
-        covariance,
+        camera: reference_record,
+        others: cameras.collect(),
+        covariance: result.covariance.as_ref().map(|covariance| covariance_record(&result.parameters(), covariance)),
         fit: FitRecord {
-            estimator: result.estimator.name().to_owned(),
-            model: result.model.to_string(),
-            lens_comparison: result.lens_comparison.clone(),
-            prior: prior_use(result),
-            reprojection_rms_px: result.reprojection_rms_px,
-            depth_rms_mm: result.depth_rms_mm,
-            frames_used: result.capture.frames.len(),
-            frames_dropped: result.capture.dropped.clone(),
-            declarations: declarations(result),
+            estimator: reference.estimator.name().to_owned(),
+            model: with_depth.model.to_string(),
+            lens_comparison: only.and_then(|camera| camera.lens_comparison.clone()),
+            prior: only.and_then(prior_use),
+            reprojection_rms_px: reference.reprojection_rms_px,
+            depth_rms_mm: reference.depth_rms_mm,
+            frames_used: result.frames.len(),
+            frames_dropped: dropped(result),
+            declarations: result.cameras.iter().flat_map(|c| declarations(&c.calibrated)).collect(),
             termination: result.termination.clone(),
             cost: result.cost,
             iterations: result.iterations,
         },
         frames: frame_records(result, fitted),
         dataset,
-        target: result.capture.target.clone(),
+        target: reference.capture.target.clone(),
         observations,
     }
 }
 
-/// Declarations of a fit's dataset that cannot be right.
-pub fn declarations(result: &Calibrated) -> Vec<DiagnosisDeclaration> {
-    implausible_scale(&result.capture, PLAUSIBLE_SCALE_DEVIATION).iter().map(ImplausibleScale::record).collect()
+/// The covariance of the parameters that were estimated; `names` says which are free.
+fn covariance_record(names: &[(String, bool)], covariance: &DMatrix<f64>) -> CovarianceRecord {
+    let free: Vec<usize> = (0..names.len()).filter(|i| names[*i].1 && covariance[(*i, *i)] > 0.0).collect();
+    CovarianceRecord {
+        parameters: free.iter().map(|i| names[*i].0.clone()).collect(),
+        matrix: free.iter().map(|i| free.iter().map(|j| covariance[(*i, *j)]).collect()).collect(),
+    }
 }
 
-/// How a fit used its prior; `None` where it has none, or none that concerns its parameters.
-pub fn prior_use(result: &Calibrated) -> Option<PriorUse> {
-    let prior = result.prior.as_ref()?;
-    let part = prior.of(&result.camera)?;
-    let (theta, stds) = (result.camera.theta(), result.std_devs());
-    let deviation = DVector::from_fn(part.places.len(), |i, _| theta[part.places[i]] - part.mean[i]);
-    let distance_squared = (&part.whitening * deviation).norm_squared();
-    let parameter = |(i, at): (usize, &usize)| {
-        let variance = part.covariance[(i, i)];
-        UsedPriorParameter {
-            name: part.names[i].clone(),
-            mean: part.mean[i],
-            std_dev: variance.sqrt(),
-            own_share: stds[*at].map_or(0.0, |std| (1.0 - std * std / variance).clamp(0.0, 1.0)),
-        }
+/// The frames that were left out; those of several cameras begin with the camera's name.
+fn dropped(result: &Calibrated) -> Vec<DroppedFrame> {
+    if let Some(only) = result.only_camera() {
+        return only.capture.dropped.clone();
+    }
+    let of_camera = |camera: &CameraFit| {
+        let named =
+            |d: &DroppedFrame| DroppedFrame { name: format!("{}/{}", camera.name, d.name), reason: d.reason.clone() };
+        camera.calibrated.capture.dropped.iter().map(named).collect::<Vec<_>>()
     };
-    Some(PriorUse {
-        units: prior.units,
-        parameters: part.places.iter().enumerate().map(parameter).collect(),
-        distance_squared,
-        p_value: chi_squared_tail(distance_squared, part.places.len()),
-    })
+    result.cameras.iter().flat_map(of_camera).collect()
 }
 
-/// The noise of a calibration, for its file.
-pub fn noise_record(result: &Calibrated) -> NoiseRecord {
-    let mut other = BTreeMap::new();
-    other.insert("depth_outliers".to_owned(), result.outliers as f64);
-    if result.noise.planes.of_noise > 0.0 {
-        other.insert("frame_planes_of_noise".to_owned(), result.noise.planes.of_noise);
-        let names = ["constant", "u", "v", "inverse_amplitude"];
-        let deviations = names.iter().zip(result.noise.planes.deviations).filter(|(_, deviation)| *deviation > 0.0);
-        other.extend(deviations.map(|(name, deviation)| (format!("frame_scatter_of_noise.{name}"), deviation)));
-    }
-    for field in &result.smoothness.fields {
-        let mut note =
-            |what: &str, value: f64| _ = other.insert(format!("{}.{}.{what}", field.piece, field.field), value);
-        note("roughness", field.roughness);
-        note("untouched_nodes", field.untouched as f64);
-        field.effective.into_iter().for_each(|e| note("effective_parameters", e));
-    }
-    let depth = result.with_depth.then_some(result.noise.depth);
-    NoiseRecord {
-        pixel_sigma: result.noise.pixel_sigma,
-        inverse_depth_sigma_a: depth.map(|d| d.a_per_mm),
-        inverse_depth_sigma_b: depth.map(|d| d.b_mm),
-        correlation_length_px: result.correlation_length_px.map(|c| c as f64),
-        other,
+fn camera_record(camera: &CameraFit) -> CameraRecord {
+    let fit = &camera.calibrated;
+    let std_dev = camera.place_std_dev.and_then(std_dev_record);
+    let (rotation, translation_mm) = numbers(&camera.camera_from_rig);
+    CameraRecord {
+        name: camera.name.clone(),
+        width: fit.camera.width,
+        height: fit.camera.height,
+        camera_from_rig: ExtrinsicsRecord { rotation, translation_mm, std_dev, drift: camera.drift.map(drift_record) },
+        pieces: piece_records(&fit.camera, &fit.std_devs()),
+        noise: noise_record(fit),
+        time_offset: camera.time_offset.map(|offset| TimeOffsetRecord {
+            value_s: offset.value_s,
+            std_dev_s: Some(offset.std_dev_s).filter(|std_dev| std_dev.is_finite()),
+        }),
+        depth_unit_mm: fit.capture.depth_unit_mm,
+        frames_used: fit.capture.frames.len(),
+        reprojection_rms_px: camera.has_markers().then_some(fit.reprojection_rms_px),
+        depth_rms_mm: fit.depth_rms_mm,
+        left_open: camera.left_open.clone(),
     }
 }
 
-/// The pieces of a camera for a file, with the standard deviation of every parameter in the order of [`Camera::theta`].
-pub fn piece_records(camera: &Camera, std_devs: &[Option<f64>]) -> Vec<PieceRecord> {
-    let piece = |(block, range): (&Block, std::ops::Range<usize>)| PieceRecord {
-        hook: block.hook(),
-        name: block.name().to_owned(),
-        parameters: block
-            .parameters()
-            .iter()
-            .zip(&block.theta)
-            .zip(&block.free)
-            .zip(&std_devs[range])
-            .map(|(((parameter, value), free), std_dev)| ParameterRecord {
-                name: parameter.name.to_string(),
-                unit: parameter.unit.to_owned(),
-                value: *value,
-                std_dev: *std_dev,
-                fixed: !free,
-            })
-            .collect(),
-        of: block.placement().of,
-        on: block.placement().on,
-        options: block.piece().map(|p| p.options()).unwrap_or_default(),
-        formula: block.piece().and_then(|p| p.formula().cloned()),
-    };
-    camera.blocks_with_ranges().map(piece).collect()
+/// `None` of what is known, or where the covariance is out of reach.
+fn std_dev_record([rx, ry, rz, tx, ty, tz]: [f64; 6]) -> Option<ExtrinsicsStdDev> {
+    (rx > 0.0).then_some(ExtrinsicsStdDev { rotation_rad: [rx, ry, rz], translation_mm: [tx, ty, tz] })
+}
+
+/// The record of a place that changes, with the standard deviations of the change.
+pub fn drift_record((drift, std_devs): (PlaceDrift, [f64; 6])) -> DriftRecord {
+    let [rx, ry, rz, tx, ty, tz] = drift.change;
+    DriftRecord {
+        over: drift.over,
+        reference: drift.reference,
+        range: drift.range,
+        rotation_rad: [rx, ry, rz],
+        translation_mm: [tx, ty, tz],
+        std_dev: std_dev_record(std_devs),
+    }
+}
+
+fn numbers(pose: &Isometry3<f64>) -> ([f64; 4], [f64; 3]) {
+    let (q, t) = (pose.rotation.quaternion(), pose.translation.vector);
+    ([q.w, q.i, q.j, q.k], [t.x, t.y, t.z])
 }
 
 fn frame_records(result: &Calibrated, fitted: &Evaluated) -> Vec<FrameRecord> {
-    let errors_of = |name: &str| fitted.frames.iter().find(|f| f.name == name).map(|f| f.record());
-    result
-        .capture
-        .frames
-        .iter()
-        .map(|frame| {
-            let pose = &frame.camera_from_board;
-            let q = pose.rotation.quaternion();
-            let t = pose.translation.vector;
-            let errors = errors_of(&frame.name);
-            FrameRecord {
-                name: frame.name.clone(),
-                rotation: [q.w, q.i, q.j, q.k],
-                translation_mm: [t.x, t.y, t.z],
-                reprojection_rms_px: errors.as_ref().map_or(0.0, |e| e.reprojection_px.rms),
-                depth_rms_mm: errors.and_then(|e| e.depth_rms_mm).map(|d| d.after),
-                metadata: frame.metadata.clone(),
-            }
-        })
-        .collect()
-}
-
-/// The camera of a calibration file.
-///
-/// # Errors
-///
-/// [`RecordError`], where a piece is unknown or has other parameters than this register's.
-pub fn camera_from_record(record: &CameraRecord, register: &Register) -> Result<Camera, RecordError> {
-    let mut pinhole = None;
-    let mut blocks = Vec::new();
-    for piece in &record.pieces {
-        let mut block = if piece.name == "pinhole" {
-            Block::pinhole([0.0; 5])
-        } else {
-            let placement = Placement { of: piece.of, on: piece.on };
-            match &piece.formula {
-                Some(definition) => Block::new(formula_piece(definition, &piece.options, placement)?),
-                None => Block::new(register.placed_piece(&piece.name, &piece.options, placement)?),
-            }
-        };
-        let names: Vec<&str> = piece.parameters.iter().map(|p| p.name.as_str()).collect();
-        let expected: Vec<&str> = block.parameters().iter().map(|p| &*p.name).collect();
-        if names != expected {
-            let (names, expected) = (names.join(", "), expected.join(", "));
-            return Err(RecordError::Parameters { piece: piece.name.clone(), found: names, expected });
-        }
-        block.theta = piece.parameters.iter().map(|p| p.value).collect();
-        block.free = piece.parameters.iter().map(|p| !p.fixed).collect();
-        if piece.name == "pinhole" {
-            pinhole = Some(block);
-        } else {
-            blocks.push(block);
-        }
+    let mut evaluated: BTreeMap<&str, Vec<&EvaluatedFrame>> = BTreeMap::new();
+    for frame in fitted.cameras.iter().flat_map(|(_, camera)| &camera.frames) {
+        evaluated.entry(&frame.name).or_default().push(frame);
     }
-    let pinhole = pinhole.ok_or(RecordError::NoPinhole)?;
-    Ok(Camera::from_blocks(record.width, record.height, pinhole, blocks))
+    let record = |frame: &RigFrame| {
+        let (rotation, translation_mm) = numbers(&frame.rig_from_board);
+        let by_camera = evaluated.get(frame.name.as_str()).map_or(&[][..], Vec::as_slice);
+        FrameRecord {
+            name: frame.name.clone(),
+            rotation,
+            translation_mm,
+            reprojection_rms_px: rms(by_camera.iter().flat_map(|f| f.reprojection.iter().map(|e| e[2].hypot(e[3])))),
+            depth_rms_mm: depth_rms_mm(by_camera),
+            metadata: frame.metadata.clone(),
+        }
+    };
+    result.frames.iter().map(record).collect()
 }
 
-/// The piece of a formula that a file carries, whatever the register has.
-fn formula_piece(
-    definition: &FormulaDefinition,
-    options: &Options,
-    placement: Placement,
-) -> Result<Arc<dyn AnyPiece>, RecordError> {
-    let mut register = Register::empty();
-    FormulaEffect::new(definition.clone())?.register(&mut register)?;
-    Ok(register.placed_piece(&definition.name, options, placement)?)
+/// Root mean square of the depth errors of all cameras in a frame after correction; `None` without depth.
+fn depth_rms_mm(by_camera: &[&EvaluatedFrame]) -> Option<f64> {
+    if let [only] = by_camera {
+        return only.depth.rms_mm().map(|rms| rms.after);
+    }
+    let with_depth = || by_camera.iter().filter_map(|frame| Some((frame.depth.rms_mm()?.after, frame.depth.pixels)));
+    let squares: f64 = with_depth().map(|(rms, pixels)| rms * rms * pixels as f64).sum();
+    let pixels: usize = with_depth().map(|(_, pixels)| pixels).sum();
+    (pixels > 0).then(|| (squares / pixels as f64).sqrt())
 }

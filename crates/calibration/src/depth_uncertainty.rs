@@ -6,9 +6,9 @@ use depthcal_model::uncertainty::{DepthNoise, Support, UncertainCamera, Uncertai
 use depthcal_statistics::quantile;
 use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
+use crate::camera_record::covariance_of;
 use crate::observe::PlacedCamera;
-use crate::rig_record::covariance_of;
 
 /// The pose of a fitted frame in the frame of the rig.
 pub fn rig_from_board(frame: &FrameRecord) -> Isometry3<f64> {
@@ -47,7 +47,7 @@ pub fn uncertain_depth(record: &Calibration, placed: &PlacedCamera) -> Option<Un
 
 /// Uncertainty of the depth that a fitted camera corrects, under given conditions, with the covariance of all its parameters,
 /// zeros for those that are fixed.
-pub fn uncertain_depth_of(fit: &Calibrated, covariance: &DMatrix<f64>, conditions: Context) -> UncertainDepth {
+pub fn uncertain_depth_of(fit: &CalibratedCamera, covariance: &DMatrix<f64>, conditions: Context) -> UncertainDepth {
     let places: Vec<usize> = (0..covariance.nrows()).filter(|i| covariance[(*i, *i)] > 0.0).collect();
     let of_free = covariance.select_rows(&places).select_columns(&places);
     let uncertain = UncertainCamera::new(fit.camera.clone(), &places, &of_free);

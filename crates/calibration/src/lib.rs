@@ -15,7 +15,7 @@
 //! | which captures lower an uncertainty most | [`plan`] |
 //! | depth models on equal terms | [`compare`] |
 //! | the closed loop: what is left, which effect is missing, before and after | [`diagnose`] |
-//! | fits as records for files | [`calibration_record`] |
+//! | fits as records for files | [`calibration_record`], [`camera_record`] |
 //! | what fits and records leave uncertain of depth | [`depth_uncertainty`] |
 //! | whole tasks, from options in words to result files | [`task`] |
 //!
@@ -25,6 +25,7 @@
 pub mod adjust;
 pub mod calibrate;
 pub mod calibration_record;
+pub mod camera_record;
 pub mod cause;
 pub mod compare;
 pub mod depth_uncertainty;
@@ -35,7 +36,6 @@ pub mod load;
 pub mod observe;
 pub mod plan;
 pub mod progress;
-pub mod rig_record;
 #[cfg(any(test, feature = "simulate"))]
 pub mod rig_simulated;
 #[cfg(any(test, feature = "simulate"))]

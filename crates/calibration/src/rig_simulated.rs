@@ -6,15 +6,15 @@ use depthcal_model::{Camera, Register, RegisterError};
 use depthcal_simulate::{Pose, RigCameraTruth, RigPoints, RigTruth};
 use nalgebra::{DVector, Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 
-use crate::calibrate::rig::{CameraFit, RigCalibrated};
+use crate::calibrate::{Calibrated, CameraFit};
 use crate::observe::PlacedCamera;
-use crate::observe::{CameraCapture, RigCapture};
+use crate::observe::{CameraCapture, Capture};
 
 /// Markers of a frame from which on a camera counts as having seen the board.
 const FEWEST: usize = 8;
 
 /// Observations at the point level as a capture. Frames in which a camera sees fewer than eight markers are missed by it.
-pub fn rig_capture(points: &RigPoints) -> RigCapture {
+pub fn rig_capture(points: &RigPoints) -> Capture {
     let cameras = points.truth.cameras.iter().zip(&points.cameras).map(|(truth, observed)| {
         let mut capture = simulated::capture(observed);
         for frame in &mut capture.frames {
@@ -27,7 +27,7 @@ pub fn rig_capture(points: &RigPoints) -> RigCapture {
         }
         CameraCapture { name: truth.name.clone(), capture, declared: None, lens: None, camera_from_rig: None }
     });
-    RigCapture { name: "rig".to_owned(), cameras: cameras.collect() }
+    Capture { name: "rig".to_owned(), cameras: cameras.collect() }
 }
 
 /// A simulated pose in the model's terms.
@@ -90,14 +90,14 @@ pub fn true_cameras(truth: &RigTruth, register: &Register) -> Result<Vec<PlacedC
 
 /// Errors of a fit against the truth, true minus estimated, of every free parameter, in the order of the covariance's free
 /// rows: number of the row, error.
-pub fn errors(fit: &RigCalibrated, truth: &RigTruth) -> Vec<(usize, f64)> {
+pub fn errors(fit: &Calibrated, truth: &RigTruth) -> Vec<(usize, f64)> {
     let mut errors = Vec::new();
     let mut row = 0;
     for camera in &fit.cameras {
         let Some(true_camera) = truth.cameras.iter().find(|t| t.name == camera.name) else { continue };
-        if camera.place_std_dev.is_some() {
+        if let Some(std_devs) = camera.place_std_dev {
             let off = place_error(camera, true_camera);
-            let is_free = |i: &usize| fit.covariance[(row + i, row + i)] > 0.0;
+            let is_free = |i: &usize| std_devs[*i] > 0.0;
             errors.extend((0..6).filter(is_free).map(|i| (row + i, off[i])));
             row += if camera.drift.is_some() { 12 } else { 6 };
             if let Some(offset) = camera.time_offset {
@@ -106,7 +106,7 @@ pub fn errors(fit: &RigCalibrated, truth: &RigTruth) -> Vec<(usize, f64)> {
             }
         }
         let model = &camera.calibrated.camera;
-        let names = crate::calibration_record::parameter_names(model);
+        let names = crate::calibrate::parameter_names(model);
         for (i, ((name, free), value)) in names.iter().zip(model.theta()).enumerate() {
             if let (true, Some(is)) = (*free, true_value(true_camera, name)) {
                 errors.push((row + i, is - value));
@@ -126,12 +126,12 @@ pub fn place_error(camera: &CameraFit, truth: &RigCameraTruth) -> [f64; 6] {
 }
 
 /// eᵀ Σ⁻¹ e of some errors, normalised squared error, and their number. `None` where the covariance is singular.
-pub fn squared_error(fit: &RigCalibrated, errors: &[(usize, f64)]) -> Option<(f64, usize)> {
-    let n = errors.len();
-    let sigma = |i: usize| fit.covariance[(errors[i].0, errors[i].0)].sqrt();
+pub fn squared_error(fit: &Calibrated, errors: &[(usize, f64)]) -> Option<(f64, usize)> {
+    let (n, covariance) = (errors.len(), fit.covariance.as_ref()?);
+    let sigma = |i: usize| covariance[(errors[i].0, errors[i].0)].sqrt();
     // Correlations are inverted, whose entries are of one size.
     let correlation =
-        nalgebra::DMatrix::from_fn(n, n, |i, j| fit.covariance[(errors[i].0, errors[j].0)] / (sigma(i) * sigma(j)));
+        nalgebra::DMatrix::from_fn(n, n, |i, j| covariance[(errors[i].0, errors[j].0)] / (sigma(i) * sigma(j)));
     let e = DVector::from_fn(n, |i, _| errors[i].1 / sigma(i));
     Some((e.dot(&correlation.cholesky()?.solve(&e)), n))
 }

@@ -7,7 +7,7 @@ use depthcal_simulate as simulate;
 use thiserror::Error;
 
 use crate::observe::stored::depth_digest;
-use crate::observe::{Capture, DepthPixel, DetectedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
+use crate::observe::{CameraFrames, DepthPixel, DetectedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 
 /// Why an effect cannot be planted in a capture.
 #[derive(Debug, Error)]
@@ -33,7 +33,7 @@ pub fn target(board: &simulate::Board, declared_spacing_mm: f64) -> Target {
 }
 
 /// Observations at the point level as a capture whose depth samples are given.
-pub fn capture(observed: &simulate::PointObservations) -> Capture {
+pub fn capture(observed: &simulate::PointObservations) -> CameraFrames {
     let truth = &observed.truth;
     let frames = observed.frames.iter().map(|frame| {
         let markers = frame.markers.iter().map(|m| MarkerObservation { index: m.index, pixel: m.pixel, std_px: 1.0 });
@@ -60,7 +60,7 @@ pub fn capture(observed: &simulate::PointObservations) -> Capture {
         };
         DetectedFrame { raw, markers: markers.collect(), wrong_markers: Vec::new() }
     });
-    Capture {
+    CameraFrames {
         name: truth.kind.to_string(),
         target: target(&truth.board, truth.declared_spacing_mm),
         width: truth.camera.width,
@@ -79,10 +79,10 @@ pub fn capture(observed: &simulate::PointObservations) -> Capture {
 ///
 /// [`PlantError`] where the effect cannot be planted in depth images, or where these cannot be read.
 pub fn planted(
-    capture: &Capture,
+    capture: &CameraFrames,
     [fx, fy, cx, cy, _]: [f64; 5],
     effect: &simulate::Effect,
-) -> Result<(Capture, f64), PlantError> {
+) -> Result<(CameraFrames, f64), PlantError> {
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
     let session_s = capture.frames.iter().map(|f| f.time_s).fold(1.0, f64::max);
     let mut planted = capture.clone();

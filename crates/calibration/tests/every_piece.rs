@@ -1,7 +1,7 @@
 //! Properties of every registered piece, so that a new one is covered without a test of its own: it survives saving and loading,
 //! and folds of depth are found. Derivatives and inverse: `crates/model/tests/jacobians.rs`.
 
-use depthcal_calibration::calibration_record::{camera_from_record, piece_records};
+use depthcal_calibration::camera_record::{camera_from_record, piece_records};
 use depthcal_io::CameraRecord;
 use depthcal_model::hook::HookKind;
 use depthcal_model::register::Options;

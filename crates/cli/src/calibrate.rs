@@ -17,8 +17,9 @@ use super::session::Session;
 use super::transfers::print_transfers;
 use super::voice::say;
 use crate::progress::Progress;
-use depthcal_calibration::calibrate::Estimator;
+use depthcal_calibration::calibrate::{CameraFit, Estimator};
 use depthcal_calibration::judge::parts::Parts;
+use depthcal_calibration::observe::Capture;
 use depthcal_calibration::task::{Fit, FitRequest, GivenPrior, HoldOut, ModelRequest, OptionNames};
 use depthcal_report::fit_sentences;
 use depthcal_report::format::{number, quantity};
@@ -166,10 +167,9 @@ impl Calibrate {
         let fit = request.fit(&loaded, session.calibrate_options())?;
         drop(busy);
         print_fit(&fit);
-        let fitted = fit.fitted.cameras();
         for (camera, evaluated) in &fit.on_fitted.cameras {
-            let fitted = fitted.iter().find(|(name, _)| name == camera);
-            print_not_evaluated(evaluated, fitted.map_or(&[], |(_, result)| &result.capture.dropped));
+            let fitted = fit.fitted.camera(camera);
+            print_not_evaluated(evaluated, fitted.map_or(&[], |fitted| &fitted.calibrated.capture.dropped));
         }
         for (camera, evaluated) in fit.held_out.iter().flat_map(|held_out| &held_out.evaluated.cameras) {
             let loaded = loaded.cameras.iter().find(|loaded| cameras == 1 || loaded.name() == camera);
@@ -181,8 +181,8 @@ impl Calibrate {
         let recording = save(&fit, &made(session), out, session, || self.record(&fit))?;
         let [written, report] = ["calibration.json", "report.html"].map(|name| out.join(name));
         say!("written: {} and {}", written.display(), report.display());
-        let used = fit.fitted.cameras().into_iter().map(|(name, result)| {
-            let capture = &result.capture;
+        let used = fit.fitted.cameras.iter().map(|CameraFit { name, calibrated, .. }| {
+            let capture = &calibrated.capture;
             let name = if cameras == 1 { &capture.name } else { name };
             frames_of(name, capture.frames.len(), &capture.dropped)
         });
@@ -202,14 +202,15 @@ impl Calibrate {
 
     /// Writes the recording of one camera; cross-validation has a camera for every part.
     fn record(&self, fit: &Fit) -> Result<Option<PathBuf>, Failure> {
-        let cameras = fit.fitted.cameras();
-        let ([(_, result)], [(_, on_fitted)]) = (cameras.as_slice(), fit.on_fitted.cameras.as_slice()) else {
+        let (Some(result), [(_, on_fitted)]) = (fit.fitted.only_camera(), &fit.on_fitted.cameras[..]) else {
             return Ok(None);
         };
         let detected = result.capture.detected();
         let mut recorded = vec![(&detected, on_fitted)];
         let held = fit.held_out.as_ref().and_then(|held| held.capture.as_ref().zip(held.evaluated.cameras.first()));
-        recorded.extend(held.map(|(capture, (_, evaluated))| (capture, evaluated)));
+        let frames = |capture: &Capture| capture.cameras.first().map(|camera| camera.capture.clone());
+        let held = held.and_then(|(capture, (_, evaluated))| Some((frames(capture)?, evaluated)));
+        recorded.extend(held.iter().map(|(capture, evaluated)| (capture, *evaluated)));
         self.recording.write(&result.camera, &recorded)
     }
 }
@@ -219,12 +220,12 @@ fn print_fit(fit: &Fit) {
     if fit.images_only {
         say!("no depth images: only camera and lens are fitted");
     }
-    let (cameras, rig) = (fit.fitted.cameras(), fit.fitted.rig());
-    cameras.iter().filter_map(|(_, result)| result.lens_comparison.as_ref()).for_each(print_lenses);
-    print_cameras(&cameras, rig);
-    for (name, result) in cameras {
-        let whose = if rig.is_some() { format!("{name}: ") } else { String::new() };
-        fit_sentences(result).iter().for_each(|sentence| say!("{whose}{sentence}"));
+    let cameras = &fit.fitted.cameras;
+    cameras.iter().filter_map(|camera| camera.calibrated.lens_comparison.as_ref()).for_each(print_lenses);
+    print_cameras(&fit.fitted);
+    for CameraFit { name, calibrated, .. } in cameras {
+        let whose = if cameras.len() > 1 { format!("{name}: ") } else { String::new() };
+        fit_sentences(calibrated).iter().for_each(|sentence| say!("{whose}{sentence}"));
     }
 }
 

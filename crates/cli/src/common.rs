@@ -9,11 +9,11 @@ use depthcal_io::{Calibration, Dataset, DatasetCamera, Pairing};
 use depthcal_model::{Camera, Register};
 
 use crate::progress::Progress;
-use depthcal_calibration::calibration_record::camera_from_record;
-use depthcal_calibration::judge::evaluate::Evaluated;
+use depthcal_calibration::camera_record::camera_from_record;
+use depthcal_calibration::camera_record::cameras_from_record;
+use depthcal_calibration::judge::camera::EvaluatedCamera;
 use depthcal_calibration::load::{LoadOptions, Loaded, LoadedCamera, default_cache, load};
 use depthcal_calibration::observe::{DroppedFrame, PlacedCamera};
-use depthcal_calibration::rig_record::cameras_from_record;
 use depthcal_calibration::task::{Made, TaskError};
 use depthcal_report::format::count;
 use serde_json::{Value, json};
@@ -29,7 +29,7 @@ pub(super) fn frames_of(name: &str, used: usize, dropped: &[DroppedFrame]) -> Va
 }
 
 /// Prints the frames that could not be evaluated, without those of `known`, which are printed already.
-pub(super) fn print_not_evaluated(evaluated: &Evaluated, known: &[DroppedFrame]) {
+pub(super) fn print_not_evaluated(evaluated: &EvaluatedCamera, known: &[DroppedFrame]) {
     for frame in evaluated.dropped.iter().filter(|f| known.iter().all(|k| k.name != f.name)) {
         say!("  not evaluated: {} ({})", frame.name, frame.reason);
     }

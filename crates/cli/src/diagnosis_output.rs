@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use depthcal_calibration::calibrate::Calibrated;
-use depthcal_calibration::diagnose::rig::{EffectInRig, RigDiagnosis};
+use depthcal_calibration::calibrate::CalibratedCamera;
+use depthcal_calibration::diagnose::RigDiagnosis;
+use depthcal_calibration::diagnose::rig::EffectInRig;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::task::{Diagnosed, DiagnosedCamera, DiagnosedRig, Made};
 use depthcal_io::{Evaluation, GainInterval, RigFindings};
@@ -52,7 +53,8 @@ pub(super) fn tell(
         written.extend(files);
     }
     written.extend(recording);
-    let used = |name: &str, result: &Calibrated| frames_of(name, result.capture.frames.len(), &result.capture.dropped);
+    let used =
+        |name: &str, result: &CalibratedCamera| frames_of(name, result.capture.frames.len(), &result.capture.dropped);
     let frames = match (&diagnosed.rig, diagnosed.only_camera()) {
         (Some(rig), _) => {
             json!(rig.found.last.cameras.iter().map(|c| used(&c.name, &c.calibrated)).collect::<Vec<_>>())
@@ -101,9 +103,6 @@ fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {
             "{spec} was missing and was added in the joint adjustment: the error on left-out frames {fall}; the diagnosis above is given it"
         );
     }
-    for spec in &in_rig.not_adjusted {
-        say!("{spec} is not part of the joint adjustment of the rig");
-    }
 }
 
 /// Findings about the cameras of a rig together.
@@ -113,9 +112,7 @@ fn print_together(rig: &DiagnosedRig, findings: &RigFindings) {
     }
     print_drifts(&rig.found);
     say!("\nall cameras jointly, with what was added");
-    let last = &rig.found.last;
-    let cameras: Vec<_> = last.cameras.iter().map(|camera| (camera.name.as_str(), &camera.calibrated)).collect();
-    print_cameras(&cameras, Some(last));
+    print_cameras(&rig.found.last);
     say!("\nheld-out frames, with the declared models");
     print_errors(&findings.held_out.before);
     say!("\nheld-out frames, with what was added");

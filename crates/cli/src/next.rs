@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use depthcal_calibration::calibrate::Estimator;
+use depthcal_calibration::calibrate::{CameraFit, Estimator};
 use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::task::{Fit, FitRequest, ModelRequest, NextCaptures, NextRequest, OptionNames};
 use depthcal_io::write_atomically;
@@ -113,7 +113,7 @@ impl Next {
             camera: self.camera.clone(),
         };
         let next = next.next(&fit.fitted)?;
-        print(&next, fit.fitted.rig().is_some());
+        print(&next, fit.fitted.cameras.len() > 1);
         if let Some(path) = &self.svg {
             let svg = drawing(&fit, &next);
             write_atomically(path, |writer| writer.write_all(svg.as_bytes())).map_err(input)?;
@@ -173,12 +173,12 @@ fn print(next: &NextCaptures, is_rig: bool) {
 }
 
 fn drawing(fit: &Fit, next: &NextCaptures) -> String {
-    let placed = fit.fitted.rig().map(|rig| rig.cameras[next.number].camera_from_rig).unwrap_or_default();
-    let cameras = fit.fitted.cameras();
-    let Some((_, camera)) = cameras.get(next.number) else { return String::new() };
+    let Some(CameraFit { camera_from_rig, calibrated, .. }) = fit.fitted.cameras.get(next.number) else {
+        return String::new();
+    };
     let boards: Vec<_> =
-        next.plan.poses.iter().map(|planned| (placed * planned.rig_from_board, planned.frame.words())).collect();
-    board_views(&camera.camera, &camera.capture.target, &boards)
+        next.plan.poses.iter().map(|p| (camera_from_rig * p.rig_from_board, p.frame.words())).collect();
+    board_views(&calibrated.camera, &calibrated.capture.target, &boards)
 }
 
 fn value(next: &NextCaptures) -> Value {

@@ -1,8 +1,7 @@
 //! The cameras of a fit in words: extrinsics where there are several, parameters, and how the fit went.
 
 use depthcal_calibration::adjust::smoothness_prior::indices;
-use depthcal_calibration::calibrate::Calibrated;
-use depthcal_calibration::calibrate::rig::{CameraFit, RigCalibrated, TimeOffset};
+use depthcal_calibration::calibrate::{Calibrated, CalibratedCamera, CameraFit, TimeOffset};
 use depthcal_io::DriftOver;
 use depthcal_model::Block;
 use depthcal_report::format::{count, interval, measured, number, quantity, shown_unit};
@@ -13,8 +12,8 @@ use super::voice::say;
 const MOST_PRINTED: usize = 24;
 
 /// Prints the cameras with their parameters; of several also the relations between them.
-pub(super) fn print_cameras(cameras: &[(&str, &Calibrated)], rig: Option<&RigCalibrated>) {
-    for pair in rig.iter().flat_map(|rig| &rig.pairs) {
+pub(super) fn print_cameras(fitted: &Calibrated) {
+    for pair in &fitted.pairs {
         let [a, b] = &pair.cameras;
         let contradicting = match pair.contradicting {
             0 => String::new(),
@@ -22,14 +21,13 @@ pub(super) fn print_cameras(cameras: &[(&str, &Calibrated)], rig: Option<&RigCal
         };
         say!("{a} and {b} saw the board together in {}{contradicting}", count(pair.views, "frame"));
     }
-    for (name, calibrated) in cameras {
-        let placed = rig.and_then(|rig| rig.camera(name));
-        if let Some(placed) = placed {
-            say!("\n[{name}]");
-            print_extrinsics(placed);
+    for camera in &fitted.cameras {
+        if fitted.cameras.len() > 1 {
+            say!("\n[{}]", camera.name);
+            print_extrinsics(camera);
         }
-        print_parameters(calibrated);
-        for open in placed.iter().flat_map(|placed| &placed.left_open) {
+        print_parameters(&camera.calibrated);
+        for open in &camera.left_open {
             say!("left open by the boards: {} ({})", open.parameter, open.reason);
         }
     }
@@ -43,11 +41,14 @@ fn print_value(name: &str, value: f64, std: Option<f64>, unknown: &str, unit: &s
     say!("{}", line.trim_end());
 }
 
-/// The six values of a rigid motion: a rotation vector in radians, which is printed in degrees, and a translation, mm.
-fn print_motion(values: &[f64; 6], std_devs: Option<&[f64; 6]>) {
+/// The six values of a rigid motion: a rotation vector in radians, which is printed in degrees, and a translation, mm. Standard
+/// deviations are zero where it is known.
+fn print_motion(values: &[f64; 6], std_devs: &[f64; 6]) {
+    let without = if std_devs.iter().any(|std_dev| std_dev.is_nan()) { "± unknown" } else { "fixed" };
     for (i, name) in ["rx", "ry", "rz", "tx", "ty", "tz"].into_iter().enumerate() {
         let (scale, unit) = if i < 3 { (1_f64.to_degrees(), "°") } else { (1.0, "mm") };
-        print_value(name, scale * values[i], std_devs.map(|std_devs| scale * std_devs[i]), "fixed", unit);
+        let std_dev = Some(scale * std_devs[i]).filter(|std_dev| *std_dev > 0.0);
+        print_value(name, scale * values[i], std_dev, without, unit);
     }
 }
 
@@ -58,17 +59,15 @@ fn print_extrinsics(camera: &CameraFit) {
     };
     let (turn, shift) = (camera.camera_from_rig.rotation.scaled_axis(), camera.camera_from_rig.translation.vector);
     say!("camera_from_rig");
-    print_motion(
-        &[turn.x, turn.y, turn.z, shift.x, shift.y, shift.z],
-        Some(&std_devs).filter(|std_devs| **std_devs != [0.0; 6]),
-    );
+    print_motion(&[turn.x, turn.y, turn.z, shift.x, shift.y, shift.z], &std_devs);
     if let Some(TimeOffset { value_s, std_dev_s }) = camera.time_offset {
-        let [value, std_dev] = [value_s, std_dev_s].map(|s| quantity(1e3 * s, "ms"));
+        let value = quantity(1e3 * value_s, "ms");
+        let std_dev = if std_dev_s.is_nan() { "unknown".to_owned() } else { quantity(1e3 * std_dev_s, "ms") };
         say!("time_offset: it exposes {value} ± {std_dev} later than its times say");
     }
     if let Some((drift, std_devs)) = &camera.drift {
         say!("extrinsics_drift over {}", drift_range(drift.over, drift.range));
-        print_motion(&drift.change, Some(std_devs));
+        print_motion(&drift.change, std_devs);
     }
 }
 
@@ -82,7 +81,7 @@ pub(crate) fn drift_range(over: DriftOver, range: f64) -> String {
 
 /// Every field of a block: its range, its roughness, and how much of it the data determine; then the parameters that are the
 /// same at all pixels.
-fn print_fields(result: &Calibrated, block: &Block) {
+fn print_fields(result: &CalibratedCamera, block: &Block) {
     let Some(layout) = block.piece().and_then(|p| p.field()) else { return };
     for field in result.smoothness.fields.iter().filter(|f| f.piece == block.name()) {
         let values = || indices(&layout, field.index).map(|i| block.theta[i]);
@@ -104,7 +103,7 @@ fn print_fields(result: &Calibrated, block: &Block) {
 }
 
 /// Parameters with standard deviations, and how the fit went.
-fn print_parameters(result: &Calibrated) {
+fn print_parameters(result: &CalibratedCamera) {
     let stds = result.std_devs();
     for (block, range) in result.camera.blocks_with_ranges() {
         say!("{}", block.name());

@@ -6,8 +6,8 @@ use clap::Args;
 use depthcal_model::Camera;
 
 use super::failure::Failure;
-use depthcal_calibration::judge::evaluate::Evaluated;
-use depthcal_calibration::observe::Capture;
+use depthcal_calibration::judge::camera::EvaluatedCamera;
+use depthcal_calibration::observe::CameraFrames;
 
 /// The file of a recording.
 #[derive(Debug, Args)]
@@ -48,7 +48,7 @@ impl Recording {
     pub(super) fn write(
         &self,
         camera: &Camera,
-        captures: &[(&Capture, &Evaluated)],
+        captures: &[(&CameraFrames, &EvaluatedCamera)],
     ) -> Result<Option<PathBuf>, Failure> {
         let Some(path) = &self.rrd else { return Ok(None) };
         let busy = crate::progress::Progress::busy("recording");
@@ -64,7 +64,11 @@ impl Recording {
 
     /// Without the feature, [`Recording::check`] has refused every --rrd already.
     #[cfg(not(feature = "rerun"))]
-    pub(super) fn write(&self, _: &Camera, _: &[(&Capture, &Evaluated)]) -> Result<Option<PathBuf>, Failure> {
+    pub(super) fn write(
+        &self,
+        _: &Camera,
+        _: &[(&CameraFrames, &EvaluatedCamera)],
+    ) -> Result<Option<PathBuf>, Failure> {
         Ok(None)
     }
 }

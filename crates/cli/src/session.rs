@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use depthcal_calibration::calibrate::CalibrateOptions;
+use depthcal_calibration::calibrate::CameraOptions;
 use depthcal_calibration::progress::ProgressHandle;
 use depthcal_model::{ModelSpec, Register};
 
@@ -42,11 +42,7 @@ impl Session {
     }
 
     /// Default options of a fit with this session's pieces and progress.
-    pub(crate) fn calibrate_options(&self) -> CalibrateOptions {
-        CalibrateOptions {
-            register: self.register.clone(),
-            progress: self.progress.clone(),
-            ..CalibrateOptions::default()
-        }
+    pub(crate) fn calibrate_options(&self) -> CameraOptions {
+        CameraOptions { register: self.register.clone(), progress: self.progress.clone(), ..CameraOptions::default() }
     }
 }

@@ -1,6 +1,6 @@
 //! The fit of images of one camera against OpenCV's calibrateCamera, on measured images of a chessboard (`DEPTHCAL_DATA`).
 
-use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::calibrate::{CameraOptions, calibrate_camera};
 use depthcal_calibration::load::{LoadOptions, LoadedCamera, load};
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 
@@ -36,8 +36,8 @@ fn chessboard_is_found_and_fits_as_well_as_opencv() {
     let options = LoadOptions { cache: None, ..LoadOptions::default() };
     let loaded = load(path.parent().unwrap(), &options).unwrap().into_only_camera().unwrap();
     assert_eq!(loaded.capture.frames.len(), 13);
-    let options = CalibrateOptions { model: "none".parse().unwrap(), ..CalibrateOptions::default() };
-    let result = calibrate(&loaded.capture, &options).unwrap();
+    let options = CameraOptions { model: "none".parse().unwrap(), ..CameraOptions::default() };
+    let result = calibrate_camera(&loaded.capture, &options).unwrap();
     let oracle = opencv_rms(&loaded);
     println!("chessboard: {:.4} px rms, OpenCV {oracle:.4} px on the same corners", result.reprojection_rms_px);
     assert!(

@@ -1,19 +1,19 @@
 //! The image part of a rig against OpenCV's stereoCalibrate: the same observations, the same optimum.
 
 use depthcal_calibration::adjust::adjustment::Adjustment;
-use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
-use depthcal_calibration::observe::RigCapture;
+use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::observe::Capture;
 use depthcal_calibration::rig_simulated::rig_capture;
 use depthcal_simulate::{Kind, PointOptions, RigCamera, RigSimulation};
 use opencv::core::{Mat, MatTraitConst, MatTraitConstManual, Point2f, Point3f, Size, TermCriteria, Vector};
 
 /// Infrared and colour by points, of which only markers are kept that both cameras see, in single precision, as OpenCV takes
 /// them.
-fn observed() -> RigCapture {
+fn observed() -> Capture {
     let camera = |name: &str| RigCamera::usual(name, 1).unwrap().unwrap();
     let rig = RigSimulation::new(vec![camera("infrared"), camera("colour")], Kind::General(1), 4);
     let mut capture = rig_capture(&rig.observe_points(&PointOptions::default()).unwrap());
-    let seen = |capture: &RigCapture, camera: usize| -> std::collections::BTreeSet<(String, usize)> {
+    let seen = |capture: &Capture, camera: usize| -> std::collections::BTreeSet<(String, usize)> {
         let frames = &capture.cameras[camera].capture.frames;
         frames.iter().flat_map(|f| f.markers.iter().map(|m| (f.name.clone(), m.index))).collect()
     };
@@ -34,10 +34,10 @@ fn observed() -> RigCapture {
 
 /// Our least squares, without losses: all residuals are far inside the quadratic part of the loss with a large standard
 /// deviation.
-fn plain_least_squares(capture: &RigCapture) -> (Vec<f64>, Vec<[f64; 6]>, f64) {
+fn plain_least_squares(capture: &Capture) -> (Vec<f64>, Vec<[f64; 6]>, f64) {
     const SIGMA_PX: f64 = 10.0;
-    let options = RigOptions { lens: Some("brown-conrady:full".to_owned()), ..RigOptions::default() };
-    let fit = calibrate_rig(capture, &options).unwrap();
+    let options = CalibrateOptions { lens: Some("brown-conrady:full".to_owned()), ..CalibrateOptions::default() };
+    let fit = calibrate(capture, &options).unwrap();
     let mut state = fit.state;
     state.cameras.iter_mut().for_each(|camera| camera.noise.pixel_sigma = SIGMA_PX);
     let adjusted = Adjustment::of_state(&state, true).unwrap().solve_within(0.0).unwrap();

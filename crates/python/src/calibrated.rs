@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use depthcal_calibration::calibration_record::camera_from_record;
+use depthcal_calibration::camera_record::camera_from_record;
 use depthcal_io::{Calibration as Record, CameraFormat, CameraRecord, ExportCamera, ExtrinsicsRecord};
 use depthcal_model::{Camera, Register};
 use nalgebra::Vector3;

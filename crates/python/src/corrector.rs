@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use depthcal_calibration::camera_record::unnamed_camera;
 use depthcal_calibration::depth_uncertainty::uncertain_depth;
 use depthcal_calibration::observe::PlacedCamera;
-use depthcal_calibration::rig_record::unnamed_camera;
 use depthcal_correction::{
     AmplitudeImage, CorrectionSummary, Corrector as Native, CorrectorError, FrameContext, PointsMut,
 };

@@ -125,7 +125,7 @@ impl Diagnosis {
         let lacking = || input("no camera was examined");
         Ok(match (self.only_camera(), &self.diagnosed.rig) {
             (Some(camera), _) => Calibration::of_record(camera.calibration(), camera.register.clone())?,
-            (None, Some(rig)) => Calibration::of_record(rig.calibration.clone(), rig.found.register.clone())?,
+            (None, Some(rig)) => Calibration::of_record(rig.calibration.clone(), self.diagnosed.register.clone())?,
             (None, None) => return Err(lacking().into()),
         })
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use depthcal_calibration::rig_record::cameras_from_record;
+use depthcal_calibration::camera_record::cameras_from_record;
 use depthcal_calibration::task::{Evaluations, Made, OptionNames, with_effects};
 use depthcal_io::Calibration as CalibrationRecord;
 use pyo3::prelude::*;

@@ -80,7 +80,7 @@ impl Fit {
 
     /// Changes by the prior of a fleet, in sentences.
     fn prior_sentences(&self) -> Vec<String> {
-        self.fit.fitted.reference().map(prior_sentences).unwrap_or_default()
+        prior_sentences(&self.fit.fitted.reference().calibrated)
     }
 
     /// The errors as a table of text.

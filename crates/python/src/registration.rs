@@ -1,8 +1,8 @@
 //! Depth and colour of a rig's cameras on each other's pixels, on numpy arrays.
 
+use depthcal_calibration::camera_record::cameras_from_record;
 use depthcal_calibration::observe::PlacedCamera;
 use depthcal_calibration::observe::Taken;
-use depthcal_calibration::rig_record::cameras_from_record;
 use depthcal_correction::{
     AmplitudeImage, Corrector, FrameContext, PointsMut, RegisteredDepth, colours_of, depth_into,
 };

@@ -1,6 +1,6 @@
 //! The arguments that several functions take: effects, the model in words, frames that are held out.
 
-use depthcal_calibration::calibrate::{CalibrateOptions, Estimator};
+use depthcal_calibration::calibrate::{CameraOptions, Estimator};
 use depthcal_calibration::progress::ProgressHandle;
 use depthcal_calibration::task::{HoldOut, ModelRequest, OptionNames};
 use depthcal_model::Register;
@@ -32,8 +32,8 @@ pub(crate) fn model_request(given: &Bound<'_, PyDict>) -> PyResult<(ModelRequest
 }
 
 /// Default options with a register and progress.
-pub(crate) fn base_options(register: &Register, progress: &ProgressHandle) -> CalibrateOptions {
-    CalibrateOptions { register: register.clone(), progress: progress.clone(), ..CalibrateOptions::default() }
+pub(crate) fn base_options(register: &Register, progress: &ProgressHandle) -> CameraOptions {
+    CameraOptions { register: register.clone(), progress: progress.clone(), ..CameraOptions::default() }
 }
 
 /// A number of cross-validation folds that a diagnosis can do with.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use depthcal_calibration::load::{Loaded, LoadedCamera, declared_in_memory};
-use depthcal_calibration::observe::Capture;
+use depthcal_calibration::observe::CameraFrames;
 use depthcal_calibration::simulated::capture;
 use depthcal_io::{FileReference, digest_contents, write_json};
 use depthcal_simulate::{Board, CameraTruth, Effect, Kind, Pattern, PointOptions, Simulation};
@@ -83,7 +83,7 @@ pub(crate) fn simulate_points(py: Python<'_>, given: &Bound<'_, PyDict>, samples
         let declared = declared_in_memory(&name, &capture.target, capture.depth_unit_mm);
         let content = serde_json::to_vec(&observed).map_err(input)?;
         let reference = FileReference { path: name.clone(), digest: digest_contents([(name.clone(), content)]) };
-        let camera = LoadedCamera::of_capture(declared, reference, Capture { name, ..capture });
+        let camera = LoadedCamera::of_capture(declared, reference, CameraFrames { name, ..capture });
         Ok(Dataset { loaded: Arc::new(Loaded::of_camera(camera)) })
     })
 }

@@ -11,7 +11,7 @@ use super::input::{Made, ReportError};
 use super::left_out::share;
 use super::made::made;
 use super::{figures, page};
-use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::calibrate::CalibratedCamera;
 use depthcal_calibration::compare::tables::Table;
 use depthcal_model::Register;
 
@@ -25,7 +25,7 @@ use depthcal_model::Register;
 pub(super) fn render_comparison(
     c: &Comparison,
     tables: &[Table],
-    best: Option<&Calibrated>,
+    best: Option<&CalibratedCamera>,
     register: &Register,
     how: &Made,
 ) -> Result<String, ReportError> {
@@ -58,9 +58,9 @@ fn first_screen(content: &mut Content, c: &Comparison, register: &Register) {
     let first = sentences.next().map_or("", String::as_str);
     let others: String = sentences.map(|s| format!("<p>{}</p>\n", escape(s))).collect();
     let evaluated = if c.verify.is_empty() {
-        format!("Evaluated on held-out frames of {}.", escape(&c.train))
+        format!("EvaluatedCamera on held-out frames of {}.", escape(&c.train))
     } else {
-        format!("Evaluated on {}.", escape(&c.verify.join(", ")))
+        format!("EvaluatedCamera on {}.", escape(&c.verify.join(", ")))
     };
     content.open_verdict(&escape(first));
     let _ = writeln!(content.body, "<div class=\"story\">{others}<p>{evaluated}</p></div>");

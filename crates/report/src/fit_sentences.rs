@@ -1,14 +1,14 @@
 //! Sentences that a reader of a fit has to know before its numbers.
 
-use depthcal_calibration::calibrate::Calibrated;
-use depthcal_calibration::calibration_record::declarations;
+use depthcal_calibration::calibrate::CalibratedCamera;
+use depthcal_calibration::camera_record::declarations;
 
 use crate::diagnosis::sentences::declaration;
 use crate::prior::prior_sentences;
 
 /// Declarations that cannot be right, frames whose depth is another frame's, and what the prior did, in sentences; none where
 /// there is nothing to say.
-pub fn fit_sentences(result: &Calibrated) -> Vec<String> {
+pub fn fit_sentences(result: &CalibratedCamera) -> Vec<String> {
     let mut sentences: Vec<String> =
         declarations(result).iter().map(|found| format!("Check the dataset file: {}.", declaration(found))).collect();
     if !result.foreign_depth.is_empty() {

@@ -8,7 +8,7 @@ use super::format::{number, signed};
 use super::pool::{Pool, Pooled, usable};
 use super::statistics::rms;
 use super::uncertainty::standard_deviations;
-use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::calibrate::CalibratedCamera;
 use depthcal_calibration::judge::depth_errors::PixelError;
 use depthcal_calibration::observe::board_plane::BoardPlane;
 use depthcal_statistics::{chi_squared_tail, median, quantile};
@@ -30,7 +30,7 @@ struct Offset<'a> {
 
 /// The finding about whole frames; its `found` is not decided yet. `None` where the calibration has no depth or too few
 /// frames have enough pixels.
-pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<Finding> {
+pub(super) fn offsets(c: &CalibratedCamera, pool: &Pool<'_>, fewest: usize) -> Option<Finding> {
     if !c.with_depth {
         return None;
     }
@@ -95,7 +95,7 @@ pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<
 
 /// Standard deviation of the board's mean depth over some pixels, in mm per pixel of marker noise, when the pose comes
 /// from the markers.
-fn pose_std(c: &Calibrated, pose: &Isometry3<f64>, pixels: &[&PixelError], markers: usize) -> Option<f64> {
+fn pose_std(c: &CalibratedCamera, pose: &Isometry3<f64>, pixels: &[&PixelError], markers: usize) -> Option<f64> {
     let points = c.capture.target.points();
     let step = pixels.len().div_ceil(RAYS);
     let rays: Vec<[f64; 2]> = pixels

@@ -1,10 +1,10 @@
 //! Models, effects and free functions in words.
 
-use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::calibrate::CalibratedCamera;
 use depthcal_model::Register;
 
 /// The depth model of a calibration in words: its pieces with the constants that they were given.
-pub(super) fn model_words(c: &Calibrated) -> String {
+pub(super) fn model_words(c: &CalibratedCamera) -> String {
     let piece = |name: &str| c.camera.blocks().iter().find(|block| block.name() == name)?.piece();
     let words = c.model.pieces.iter().map(|spec| spec.words(piece(&spec.name).map(|piece| piece.as_ref())));
     let words: Vec<String> = words.collect();

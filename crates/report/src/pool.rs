@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use super::input::{ReportCamera, ReportDataset, ReportDiagnosis, Role};
 use super::statistics::{Change, Kind, Total, change, estimate};
+use depthcal_calibration::judge::camera::{EvaluatedFrame, outliers};
 use depthcal_calibration::judge::depth_errors::{PixelError, Sums};
-use depthcal_calibration::judge::evaluate::{EvaluatedFrame, outliers};
 use depthcal_io::Outliers;
 use depthcal_statistics::Estimate;
 

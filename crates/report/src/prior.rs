@@ -1,7 +1,7 @@
 //! The influence of a prior on a fit, in words.
 
-use depthcal_calibration::calibrate::Calibrated;
-use depthcal_calibration::calibration_record::prior_use;
+use depthcal_calibration::calibrate::CalibratedCamera;
+use depthcal_calibration::camera_record::prior_use;
 
 use crate::format::{count, number, p_equals, percent};
 
@@ -9,7 +9,7 @@ use crate::format::{count, number, p_equals, percent};
 const UNLIKE_THE_OTHERS: f64 = 0.001;
 
 /// The influence of the prior on a fit, in sentences; none without a prior.
-pub fn prior_sentences(result: &Calibrated) -> Vec<String> {
+pub fn prior_sentences(result: &CalibratedCamera) -> Vec<String> {
     let Some(prior) = &result.prior else { return Vec::new() };
     let Some(used) = prior_use(result) else {
         return vec!["The prior concerns no parameter of this model: it was not used.".to_owned()];

@@ -11,7 +11,7 @@ use super::parameters::model_words;
 use super::pool::Pool;
 use super::statistics::Change;
 use super::uncertainty::{distances, typical};
-use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::calibrate::CalibratedCamera;
 use depthcal_model::hook::HookKind;
 use depthcal_statistics::{Estimate, quantile};
 
@@ -163,7 +163,7 @@ pub(super) fn frames(d: &ReportDataset<'_>) -> String {
 }
 
 /// Parameters with standard deviations, units, effect on depth, and meaning.
-pub(super) fn parameters(c: &Calibrated) -> String {
+pub(super) fn parameters(c: &CalibratedCamera) -> String {
     let stds = c.std_devs();
     let theta = c.camera.theta();
     let mut rows = String::new();
@@ -212,7 +212,7 @@ pub(super) fn parameters(c: &Calibrated) -> String {
 
 /// The largest change of corrected depth over the image, mm, between a parameter's fitted and its nominal value, at the
 /// median of the fitted distances. `None` where depth cannot be corrected.
-fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f64> {
+fn shift(c: &CalibratedCamera, theta: &[f64], index: usize, nominal: f64) -> Option<f64> {
     let z = quantile(distances(c), 0.5);
     let mut without = theta.to_vec();
     *without.get_mut(index)? = nominal;
@@ -235,7 +235,7 @@ fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f6
 }
 
 /// Data, residuals, noise and termination of the fit.
-pub(super) fn fit(c: &Calibrated) -> String {
+pub(super) fn fit(c: &CalibratedCamera) -> String {
     let markers = {
         let used: usize = c.capture.frames.iter().map(|f| f.markers.len()).sum();
         match c.capture.frames.iter().map(|f| f.wrong_markers.len()).sum() {

@@ -4,7 +4,7 @@ use depthcal_model::Context;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::calibrate::CalibratedCamera;
 use depthcal_calibration::depth_uncertainty::uncertain_depth_of;
 use depthcal_statistics::quantile;
 
@@ -29,13 +29,13 @@ pub(super) struct Uncertainty {
 }
 
 /// Distances (mm) of the fitted depth samples, else of the boards.
-pub(super) fn distances(c: &Calibrated) -> Vec<f64> {
+pub(super) fn distances(c: &CalibratedCamera) -> Vec<f64> {
     let samples: Vec<f64> = c.capture.frames.iter().flat_map(|f| f.samples.iter().map(|s| s.depth_mm)).collect();
     if samples.is_empty() { c.capture.poses().map(|p| p.translation.vector.z).collect() } else { samples }
 }
 
 /// A pixel under the median conditions of the fit: amplitude, time and temperature.
-pub(super) fn typical(c: &Calibrated, pixel: [f64; 2]) -> Context {
+pub(super) fn typical(c: &CalibratedCamera, pixel: [f64; 2]) -> Context {
     let contexts = || c.capture.frames.iter().flat_map(|f| f.samples.iter().map(|s| s.context));
     Context {
         pixel,
@@ -48,7 +48,7 @@ pub(super) fn typical(c: &Calibrated, pixel: [f64; 2]) -> Context {
 
 impl Uncertainty {
     /// Maps and curves; `None` where the calibration has no depth or no covariance.
-    pub(super) fn of(c: &Calibrated) -> Option<Self> {
+    pub(super) fn of(c: &CalibratedCamera) -> Option<Self> {
         let covariance = c.covariance.as_ref().filter(|_| c.with_depth)?;
         let fitted = distances(c);
         let q = |q: f64| quantile(fitted.iter().copied(), q);
@@ -90,7 +90,11 @@ impl Uncertainty {
 
 /// Standard deviation of corrected depth, mm, at pixels with a measured depth (mm); NaN where depth cannot be corrected.
 /// `covariance` is that of all parameters, with zeros for fixed ones.
-pub(super) fn standard_deviations(c: &Calibrated, covariance: &DMatrix<f64>, points: &[(Context, f64)]) -> Vec<f64> {
+pub(super) fn standard_deviations(
+    c: &CalibratedCamera,
+    covariance: &DMatrix<f64>,
+    points: &[(Context, f64)],
+) -> Vec<f64> {
     let depth = uncertain_depth_of(c, covariance, Context::default());
     points.par_iter().map(|(context, z)| depth.std_dev(context, *z).parameters_mm).collect()
 }

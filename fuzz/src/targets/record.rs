@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use depthcal_calibration::calibration_record::camera_from_record;
+use depthcal_calibration::camera_record::camera_from_record;
 use depthcal_io::{
     Calibration, CameraFormat, Comparison, Diagnosis, Evaluation, ExportCamera, FileError, Fleet, Observations, Prior,
     Scores,

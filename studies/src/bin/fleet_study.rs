@@ -11,15 +11,15 @@ use std::error::Error;
 use std::sync::Arc;
 
 use depthcal::calibration::adjust::camera_prior::CameraPrior;
-use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal::calibration::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera};
 use depthcal::calibration::diagnose::Thresholds;
 use depthcal::calibration::diagnose::effect_scores::effect_scores;
-use depthcal::calibration::observe::Capture;
+use depthcal::calibration::observe::CameraFrames;
 use depthcal::calibration::simulated;
 use depthcal::fleet::{FleetOptions, Joined, Unit, join};
-use depthcal::io::{FileReference, FleetEffectUnit, Prior};
+use depthcal::io::{CAMERA, FileReference, FleetEffectUnit, Prior};
 use depthcal::model::Register;
-use depthcal::{calibration_record, evaluate};
+use depthcal::{Calibrated, calibration_record, evaluate_camera, evaluate_fitted};
 use depthcal_simulate::{CameraTruth, Effect, Kind, Noise, PointOptions, Simulation};
 use depthcal_statistics::{chi_squared_tail, noncentrality};
 use rand::SeedableRng;
@@ -64,23 +64,24 @@ fn camera(rng: &mut ChaCha8Rng) -> Result<CameraTruth, Failure> {
     Ok(camera)
 }
 
-fn capture(camera: CameraTruth, effects: &[Effect], frames: usize, seed: u64) -> Result<Capture, Failure> {
+fn capture(camera: CameraTruth, effects: &[Effect], frames: usize, seed: u64) -> Result<CameraFrames, Failure> {
     let simulation = Simulation::new(camera, Kind::General(1), effects, seed).frames(frames);
     Ok(simulated::capture(&simulation.observe_points(&PointOptions::default())?))
 }
 
 /// A unit as its files would say it.
-fn unit(name: &str, fit: &Calibrated) -> Result<Unit, Failure> {
+fn unit(name: &str, fit: &CalibratedCamera) -> Result<Unit, Failure> {
     let register = Register::builtin();
     let dataset = FileReference { path: name.to_owned(), digest: name.to_owned() };
-    let record = calibration_record(fit, &evaluate(&fit.camera, &fit.capture), dataset.clone(), None);
+    let alone = Calibrated::of_camera(CAMERA, fit.clone());
+    let record = calibration_record(&alone, &evaluate_fitted(&alone), dataset.clone(), None);
     let scores = effect_scores(fit, &register, dataset)?;
     Unit::new(name, name, &record, scores.as_ref(), &register).ok_or_else(|| "a unit without covariance".into())
 }
 
 /// Units of a fleet have the same terms of the lens, whatever the frames of one determine.
-fn same_lens() -> CalibrateOptions {
-    CalibrateOptions { lens: "brown-conrady:full".to_owned(), ..CalibrateOptions::default() }
+fn same_lens() -> CameraOptions {
+    CameraOptions { lens: "brown-conrady:full".to_owned(), ..CameraOptions::default() }
 }
 
 /// Fleet number `fleet`: its cameras, drawn anew, and what they say together.
@@ -91,7 +92,7 @@ fn fleet(fleet: u64, effects: &[Effect], change: impl Fn(usize, &mut CameraTruth
             let seed = 1000 * fleet + i as u64;
             let mut truth = camera(&mut ChaCha8Rng::seed_from_u64(seed))?;
             change(i, &mut truth);
-            let fit = calibrate(&capture(truth, effects, FRAMES, 77_000 + seed)?, &same_lens())?;
+            let fit = calibrate_camera(&capture(truth, effects, FRAMES, 77_000 + seed)?, &same_lens())?;
             unit(&format!("unit{i:02}"), &fit)
         })
         .collect();
@@ -103,7 +104,7 @@ fn fleet(fleet: u64, effects: &[Effect], change: impl Fn(usize, &mut CameraTruth
 /// that its score can be measured will not do: what the effect leaves in the residuals is then taken for noise.
 fn detectable_size() -> Result<f64, Failure> {
     let thresholds = Thresholds::default();
-    let fit = calibrate(&capture(CameraTruth::published(1)?, &[], FRAMES, 5)?, &same_lens())?;
+    let fit = calibrate_camera(&capture(CameraTruth::published(1)?, &[], FRAMES, 5)?, &same_lens())?;
     let scores = effect_scores(&fit, &Register::builtin(), FileReference::default())?.ok_or("no scores")?;
     let effect = scores.effects.iter().position(|e| e.effect == SHARED).ok_or("the effect is not scored")?;
     let column: usize = scores.effects[..effect].iter().map(|e| e.parameters.len()).sum();
@@ -216,10 +217,10 @@ impl Outliers {
 }
 
 /// Root mean square error of depth and of markers without noise, of a camera that was fitted: what its parameters do.
-fn true_error(fit: &Calibrated, truth: CameraTruth, seed: u64) -> Result<[f64; 2], Failure> {
+fn true_error(fit: &CalibratedCamera, truth: CameraTruth, seed: u64) -> Result<[f64; 2], Failure> {
     let options = PointOptions { sigma_px: 0.0, ..PointOptions::default() };
     let simulation = Simulation::new(truth, Kind::General(1), &[], seed).frames(FRAMES_OF_TRUTH).noise(Noise::none());
-    let judged = evaluate(&fit.camera, &simulated::capture(&simulation.observe_points(&options)?)).record();
+    let judged = evaluate_camera(&fit.camera, &simulated::capture(&simulation.observe_points(&options)?)).record();
     let depth = judged.depth_rms_mm.ok_or("no depth")?.after;
     Ok([depth, judged.dot_error_mm.ok_or("no markers")?.after.mean])
 }
@@ -238,10 +239,10 @@ fn prior(repeats: u64) -> Result<(), Failure> {
             let seed = 500_000 + repeat;
             let truth = camera(&mut ChaCha8Rng::seed_from_u64(seed))?;
             let prior = with.then(|| prior.clone());
-            let options = CalibrateOptions { prior, ..CalibrateOptions::default() };
+            let options = CameraOptions { prior, ..CameraOptions::default() };
             // The first frames of one capture, so that errors of different numbers of frames can be compared.
             let all = capture(truth, &[], MOST_FRAMES, 900_000 + repeat)?;
-            let fit = calibrate(&all.subset(|i, _| i < frames), &options)?;
+            let fit = calibrate_camera(&all.subset(|i, _| i < frames), &options)?;
             true_error(&fit, truth, 3_000_000 + repeat)
         };
         let column = |with: bool| {

@@ -14,10 +14,10 @@
 use std::error::Error;
 use std::time::Instant;
 
-use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal_calibration::judge::cross_validation::cross_validate;
+use depthcal_calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal_calibration::judge::cross_validation::cross_validate_camera;
 use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::observe::{Capture, MarkerObservation};
+use depthcal_calibration::observe::{CameraFrames, MarkerObservation};
 use depthcal_calibration::simulated;
 use depthcal_model::Target;
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
@@ -75,7 +75,7 @@ fn thin(markers: &mut Vec<MarkerObservation>, target: &Target, how: Thinning, rn
     markers.truncate(count);
 }
 
-fn make_hard(capture: &mut Capture, hardness: Hardness, seed: u64) {
+fn make_hard(capture: &mut CameraFrames, hardness: Hardness, seed: u64) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
     for (i, frame) in capture.frames.iter_mut().enumerate() {
@@ -105,10 +105,10 @@ fn run(seed: u64, hardness: Hardness, lens: &str, folds: usize) -> Result<Outcom
     let observed = Simulation::new(camera, Kind::General(1), &[], seed).observe_points(&PointOptions::default())?;
     let mut capture = simulated::capture(&observed);
     make_hard(&mut capture, hardness, seed);
-    let options = CalibrateOptions { lens: lens.to_owned(), ..CalibrateOptions::default() };
-    let result = calibrate(&capture, &options)?;
+    let options = CameraOptions { lens: lens.to_owned(), ..CameraOptions::default() };
+    let result = calibrate_camera(&capture, &options)?;
     if folds > 1 {
-        cross_validate(&result, folds, Parts::Interleaved, &options)?;
+        cross_validate_camera(&result, folds, Parts::Interleaved, &options)?;
     }
     let truth = simulated::true_theta(&camera);
     let theta = result.camera.theta();

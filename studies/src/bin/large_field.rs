@@ -6,7 +6,7 @@
 
 use std::time::Instant;
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
 use depthcal::calibration::simulated;
 use depthcal_simulate::{Board, CameraTruth, Effect, Kind, Pattern, PointOptions, Simulation};
 
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let model = format!("projective+multiplier@columns={columns}@rows={rows}@bins={bins}");
     println!("{model}: {frames} frames, {total} depth residuals");
     let start = Instant::now();
-    let result = calibrate(&capture, &CalibrateOptions { model: model.parse()?, ..CalibrateOptions::default() })?;
+    let result = calibrate_camera(&capture, &CameraOptions { model: model.parse()?, ..CameraOptions::default() })?;
     let seconds = start.elapsed().as_secs_f64();
     for field in &result.smoothness.fields {
         println!("{}: {} nodes with data, {} without", field.field, field.nodes, field.untouched);

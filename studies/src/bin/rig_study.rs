@@ -18,10 +18,10 @@
 use std::error::Error;
 use std::time::Instant;
 
-use depthcal_calibration::calibrate::rig::{RigCalibrated, RigOptions, calibrate_rig};
-use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal_calibration::judge::rig::evaluate_rig;
-use depthcal_calibration::observe::{PlacedCamera, RigCapture};
+use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal_calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal_calibration::judge::evaluate::evaluate;
+use depthcal_calibration::observe::{Capture, PlacedCamera};
 use depthcal_calibration::rig_simulated::{errors, pose, rig_capture, squared_error, true_cameras};
 use depthcal_model::{Camera, Register};
 use depthcal_simulate::{Kind, PointOptions, Pose, RigCamera, RigPoints, RigSimulation, RigTruth, Waved};
@@ -40,13 +40,13 @@ fn observe(names: &[String], kind: Kind, seed: u64, frames: Option<usize>) -> Re
     Ok(rig.observe_points(&PointOptions::default())?)
 }
 
-fn options(lens: Option<&str>) -> RigOptions {
-    RigOptions { lens: lens.map(str::to_owned), ..RigOptions::default() }
+fn options(lens: Option<&str>) -> CalibrateOptions {
+    CalibrateOptions { lens: lens.map(str::to_owned), ..CalibrateOptions::default() }
 }
 
 /// The fit of a simulated rig; says why there is none.
-fn fitted(seed: u64, points: &RigPoints, options: &RigOptions) -> Option<RigCalibrated> {
-    calibrate_rig(&rig_capture(points), options).inspect_err(|error| println!("seed {seed}: {error}")).ok()
+fn fitted(seed: u64, points: &RigPoints, options: &CalibrateOptions) -> Option<Calibrated> {
+    calibrate(&rig_capture(points), options).inspect_err(|error| println!("seed {seed}: {error}")).ok()
 }
 
 fn coverage(names: &[String], seeds: u64, lens: Option<&str>) -> Result<(), Box<dyn Error>> {
@@ -66,7 +66,7 @@ fn coverage(names: &[String], seeds: u64, lens: Option<&str>) -> Result<(), Box<
         let errors = errors(&fit, &points.truth);
         for (row, error) in &errors {
             let name = &parameters[*row].0;
-            let within = usize::from(error.abs() <= 3.0 * fit.covariance[(*row, *row)].sqrt());
+            let within = usize::from(error.abs() <= 3.0 * fit.std_dev(*row));
             match counts.iter_mut().find(|c| c.0 == *name) {
                 Some(count) => (count.1, count.2) = (count.1 + within, count.2 + 1),
                 None => counts.push((name.clone(), within, 1)),
@@ -79,8 +79,8 @@ fn coverage(names: &[String], seeds: u64, lens: Option<&str>) -> Result<(), Box<
         freedom += n;
         let held_out = observe(names, Kind::General(2), seed, None)?;
         let capture = rig_capture(&held_out);
-        let ours = evaluate_rig(&fit.placed(), &capture);
-        let oracle = evaluate_rig(&true_cameras(&held_out.truth, &register)?, &capture);
+        let ours = evaluate(&fit.placed(), &capture);
+        let oracle = evaluate(&true_cameras(&held_out.truth, &register)?, &capture);
         for (a, b) in ours.transfers.iter().zip(&oracle.transfers) {
             for (bin, (a, b)) in a.by_distance().iter().zip(b.by_distance()).enumerate() {
                 ratios.resize(ratios.len().max(bin + 1), Vec::new());
@@ -107,7 +107,7 @@ fn coverage(names: &[String], seeds: u64, lens: Option<&str>) -> Result<(), Box<
 }
 
 /// Mean distance of every camera's corrected cloud from the true board in a frame, mm, by camera; NaN where it has none.
-fn cloud_means(rig: &[PlacedCamera], capture: &RigCapture, truth: &RigTruth, frame: usize) -> Vec<f64> {
+fn cloud_means(rig: &[PlacedCamera], capture: &Capture, truth: &RigTruth, frame: usize) -> Vec<f64> {
     let of_frame = &truth.cameras[0].truth.frames[frame];
     let rig_from_board = pose(&of_frame.pose);
     let mean = |(placed, own): (&PlacedCamera, &depthcal_calibration::observe::CameraCapture)| {
@@ -131,7 +131,7 @@ fn clouds(seeds: u64, cameras: usize, frames: Option<usize>) -> Result<(), Box<d
     let options = options(Some("brown-conrady:full"));
     let (mut ours, mut oracle) = (Vec::new(), Vec::new());
     for seed in 0..seeds {
-        let fit = calibrate_rig(&rig_capture(&observe(&names, Kind::General(1), seed, frames)?), &options)?;
+        let fit = calibrate(&rig_capture(&observe(&names, Kind::General(1), seed, frames)?), &options)?;
         let held_out = observe(&names, Kind::General(2), seed, None)?;
         let capture = rig_capture(&held_out);
         let truth = true_cameras(&held_out.truth, &register)?;
@@ -151,7 +151,7 @@ fn clouds(seeds: u64, cameras: usize, frames: Option<usize>) -> Result<(), Box<d
 
 /// Videos of 60 frames, the colour camera 5 ms to 30 ms late or early.
 fn offset(seeds: u64) -> Result<(), Box<dyn Error>> {
-    let with = RigOptions { time_offsets: vec!["colour".to_owned()], ..options(Some("brown-conrady:full")) };
+    let with = CalibrateOptions { time_offsets: vec!["colour".to_owned()], ..options(Some("brown-conrady:full")) };
     let (mut off, mut squared, mut freedom, mut sigmas, mut failed) = (Vec::new(), 0.0, 0, Vec::new(), 0);
     for seed in 0..seeds {
         let offset_s = 0.005 * (1 + seed % 6) as f64 * if seed % 2 == 0 { 1.0 } else { -1.0 };
@@ -195,7 +195,7 @@ fn left_open(seeds: u64) -> Result<(), Box<dyn Error>> {
         let rig = poses.map_or(rig.clone(), |poses| rig.poses(poses));
         let mut capture = rig_capture(&rig.observe_points(&PointOptions::default())?);
         capture.cameras[1].declared = Some(Camera::new(512, 424, [365.0, 365.0, 258.0, 208.0, 0.0], vec![]));
-        let fit = calibrate_rig(&capture, &options(None))?;
+        let fit = calibrate(&capture, &options(None))?;
         Ok(fit.camera("depth").ok_or("no camera")?.left_open.iter().map(|open| open.parameter.clone()).collect())
     };
     let (mut true_names, mut false_names, mut failed) = (0, 0, 0);
@@ -233,7 +233,7 @@ fn cost(frames: usize) -> Result<(), Box<dyn Error>> {
     let names = ["infrared".to_owned(), "infrared2".to_owned()];
     let points = observe(&names, Kind::General(1), 1, Some(frames))?;
     let capture = rig_capture(&points);
-    let one = CalibrateOptions { lens: "brown-conrady:full".to_owned(), ..CalibrateOptions::default() };
+    let one = CameraOptions { lens: "brown-conrady:full".to_owned(), ..CameraOptions::default() };
     let both = options(Some("brown-conrady:full"));
     let least = |run: &dyn Fn() -> Result<(), Box<dyn Error>>| -> Result<f64, Box<dyn Error>> {
         let mut least = f64::INFINITY;
@@ -244,8 +244,8 @@ fn cost(frames: usize) -> Result<(), Box<dyn Error>> {
         }
         Ok(least)
     };
-    let single = least(&|| Ok(calibrate(&capture.cameras[0].capture, &one).map(drop)?))?;
-    let rig = least(&|| Ok(calibrate_rig(&capture, &both).map(drop)?))?;
+    let single = least(&|| Ok(calibrate_camera(&capture.cameras[0].capture, &one).map(drop)?))?;
+    let rig = least(&|| Ok(calibrate(&capture, &both).map(drop)?))?;
     println!("{frames} frames: one camera {single:.3} s, two cameras {rig:.3} s: {:.2} times", rig / single);
     Ok(())
 }

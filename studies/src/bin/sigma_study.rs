@@ -9,10 +9,10 @@
 
 use std::error::Error;
 
-use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal_calibration::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera};
 use depthcal_calibration::depth_uncertainty::uncertain_depth_of;
+use depthcal_calibration::judge::camera::{EvaluatedFrame, evaluate_camera};
 use depthcal_calibration::judge::cross_validation::split;
-use depthcal_calibration::judge::evaluate::{EvaluatedFrame, evaluate};
 use depthcal_calibration::load::{LoadOptions, load};
 use depthcal_calibration::observe::board_plane::BoardPlane;
 use depthcal_model::Context;
@@ -36,7 +36,7 @@ struct Pixel {
 }
 
 /// Covariance of a pose from its markers, of (translation, rotation) in the board's frame.
-fn pose_covariance(fit: &Calibrated, frame: &EvaluatedFrame) -> Option<SMatrix<f64, 6, 6>> {
+fn pose_covariance(fit: &CalibratedCamera, frame: &EvaluatedFrame) -> Option<SMatrix<f64, 6, 6>> {
     let points = fit.capture.target.points();
     let mut normal = SMatrix::<f64, 6, 6>::zeros();
     let pixel = |pose: &Isometry3<f64>, p: &[f64; 2]| fit.camera.project(&(pose * Point3::new(p[0], p[1], 0.0)).coords);
@@ -63,7 +63,7 @@ fn moved(pose: &Isometry3<f64>, i: usize) -> [Isometry3<f64>; 2] {
     })
 }
 
-fn pixels_of(fit: &Calibrated, frame: &EvaluatedFrame) -> Option<Vec<Pixel>> {
+fn pixels_of(fit: &CalibratedCamera, frame: &EvaluatedFrame) -> Option<Vec<Pixel>> {
     let depth = uncertain_depth_of(fit, fit.covariance.as_ref()?, Context::default());
     let covariance = pose_covariance(fit, frame)?;
     let (w, h) = (fit.camera.width as f64, fit.camera.height as f64);
@@ -122,14 +122,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().ok_or("usage: sigma_study DATASET [MODEL]")?;
     let loaded = load(path.as_ref(), &LoadOptions::default())?.into_only_camera()?;
-    let mut options = CalibrateOptions::default().for_board(&loaded.capture.target);
+    let mut options = CameraOptions::default().for_board(&loaded.capture.target);
     if let Some(model) = arguments.next() {
         options.model = model.parse()?;
     }
     let mut pixels = Vec::new();
     for part in 0..PARTS {
         let (fitted, held_out) = split(&loaded.capture, PARTS, part);
-        let fit = calibrate(&fitted, &options)?;
+        let fit = calibrate_camera(&fitted, &options)?;
         println!(
             "part {part}: {} frames, noise a {:.3e} 1/mm, b {:.3} mm, planes {:?}",
             fit.capture.frames.len(),
@@ -137,7 +137,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             fit.noise.depth.b_mm,
             fit.noise.planes.deviations
         );
-        let evaluated = evaluate(&fit.camera, &held_out);
+        let evaluated = evaluate_camera(&fit.camera, &held_out);
         pixels.extend(evaluated.frames.iter().filter_map(|frame| pixels_of(&fit, frame)).flatten());
     }
     println!(

@@ -18,12 +18,12 @@ use std::error::Error;
 use std::time::Instant;
 
 use common::{Camera, Pose, Scene, Style, Texture};
-use depthcal_calibration::calibrate::{CalibrateOptions, calibrate_image};
+use depthcal_calibration::calibrate::{CameraOptions, calibrate_image};
 use depthcal_calibration::cause::{
     BoardFault, DepthAlternative, DepthCause, DepthFinding, Quantity, Turn, board_cause, examine_depth,
 };
 use depthcal_calibration::load::{LoadOptions, load};
-use depthcal_calibration::observe::{Capture, MeasuredDepth, PosedFrame, RawFrame};
+use depthcal_calibration::observe::{CameraFrames, MeasuredDepth, PosedFrame, RawFrame};
 use depthcal_io::{DepthFrame, DepthValues, GrayImage};
 use depthcal_model::target::{Pattern, Target};
 use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
@@ -110,17 +110,17 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// A rendered capture with the poses of its boards by its images.
-fn posed(seed: u64, effects: &[Effect]) -> Result<(Capture<PosedFrame>, depthcal_model::Camera), Box<dyn Error>> {
+fn posed(seed: u64, effects: &[Effect]) -> Result<(CameraFrames<PosedFrame>, depthcal_model::Camera), Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     let camera = CameraTruth::published(1 + seed as usize % 4)?;
     Simulation::new(camera, Kind::General(1), effects, 900 + seed).frames(16).write_dataset(folder.path())?;
     let options = LoadOptions { cache: None, ..LoadOptions::default() };
     let loaded = load(folder.path(), &options)?.into_only_camera()?;
-    let calibrated = calibrate_image(&loaded.capture, &CalibrateOptions::default())?;
+    let calibrated = calibrate_image(&loaded.capture, &CameraOptions::default())?;
     Ok((calibrated.capture, calibrated.camera))
 }
 
-fn spoil_in_all_ways(capture: &(Capture<PosedFrame>, depthcal_model::Camera), seed: u64, counts: &mut [Count; 4]) {
+fn spoil_in_all_ways(capture: &(CameraFrames<PosedFrame>, depthcal_model::Camera), seed: u64, counts: &mut [Count; 4]) {
     for (i, first) in FAULTS.into_iter().enumerate() {
         judge(capture, &[first], &mut counts[1]);
         for (j, second) in FAULTS.into_iter().enumerate().skip(i + 1) {
@@ -136,7 +136,7 @@ fn spoil_in_all_ways(capture: &(Capture<PosedFrame>, depthcal_model::Camera), se
 }
 
 /// Spoils depth, searches for the cause, and counts the answer.
-fn judge((capture, camera): &(Capture<PosedFrame>, depthcal_model::Camera), faults: &[Fault], count: &mut Count) {
+fn judge((capture, camera): &(CameraFrames<PosedFrame>, depthcal_model::Camera), faults: &[Fault], count: &mut Count) {
     let mut spoiled = capture.clone();
     for fault in faults {
         spoil(&mut spoiled, *fault);
@@ -179,7 +179,7 @@ fn is_right(cause: &DepthCause, faults: &[Fault]) -> bool {
     }
 }
 
-fn spoil(capture: &mut Capture<PosedFrame>, fault: Fault) {
+fn spoil(capture: &mut CameraFrames<PosedFrame>, fault: Fault) {
     let size = [capture.width, capture.height];
     let mut depth: Vec<DepthFrame> = capture.frames.iter().filter_map(depth_of).collect();
     let count = depth.len();

@@ -8,7 +8,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use depthcal_calibration::diagnose::rig::{RigDiagnoseOptions, diagnose_rig};
+use depthcal_calibration::diagnose::{DiagnoseOptions, diagnose};
 use depthcal_calibration::load::{LoadOptions, load};
 use depthcal_model::Register;
 use depthcal_simulate::{Effect, Kind, RigCamera, RigSimulation};
@@ -32,16 +32,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         RigSimulation::new(cameras, Kind::General(1), seed.parse()?).frames(20).write_dataset(folder)?;
     }
     let rig = load(Path::new(folder), &LoadOptions { cache: None, ..LoadOptions::default() })?;
-    let diagnosis = diagnose_rig(
-        &rig.capture(&Register::builtin())?,
+    let diagnosis = diagnose(
+        &rig.capture(None, &Register::builtin())?,
         None,
-        &RigDiagnoseOptions { formulas: false, ..RigDiagnoseOptions::default() },
+        &DiagnoseOptions { formulas: false, ..DiagnoseOptions::default() },
     )?;
     println!("verdict: {:?}", diagnosis.verdict);
     for camera in &diagnosis.cameras {
-        let effects: Vec<String> = camera.effects.iter().map(ToString::to_string).collect();
+        let effects: Vec<String> = camera.effects().iter().map(ToString::to_string).collect();
         println!("{}: {} ({:?})", camera.name, effects.join(", "), camera.verdict());
-        for shown in &camera.in_rig {
+        for shown in camera.in_rig.iter().flat_map(|in_rig| &in_rig.before) {
             println!("  {} in the joint adjustment: {:?}", shown.spec, shown.left_out);
         }
     }

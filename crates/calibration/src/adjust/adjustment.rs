@@ -20,7 +20,7 @@ use super::redundancy::batch_redundancy;
 use super::smoothness_prior::{Smoothness, SmoothnessBatch, rows_of_smooth_functions};
 use super::state::{CameraState, State};
 use crate::observe::noise::NoiseModel;
-use crate::observe::{AdjustableFrame, Capture};
+use crate::observe::{AdjustableFrame, CameraFrames};
 
 /// A calibration problem on a factor graph: a pose of the board per frame, extrinsics per camera but the reference, and a
 /// variable per parameter block. Board pieces of the same name are one variable of all cameras: there is one board.
@@ -100,7 +100,7 @@ impl Adjusted {
 impl Adjustment {
     /// The problem of all frames of one camera; depth samples take part where `with_depth`.
     pub fn new<F: AdjustableFrame>(
-        capture: &Capture<F>,
+        capture: &CameraFrames<F>,
         camera: &Camera,
         noise: &NoiseModel,
         with_depth: bool,

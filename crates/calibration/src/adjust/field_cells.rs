@@ -10,7 +10,7 @@ use depthcal_model::{Block, Camera, Register, RegisterError};
 
 use super::blocks::BlockKeys;
 use super::factors::BlockVariables;
-use crate::observe::{Capture, DepthSample, SampledFrame};
+use crate::observe::{CameraFrames, DepthSample, SampledFrame};
 
 /// A field of more parameters than this has a variable per node; below, dense columns are faster.
 const MOST_DENSE: usize = 400;
@@ -37,7 +37,7 @@ fn cells(layouts: &[FieldLayout], sample: &DepthSample) -> Vec<[usize; 2]> {
 }
 
 /// Brings the samples of every frame into the order of the cells in which they lie.
-pub(crate) fn sort_by_cell(capture: &mut Capture<SampledFrame>, camera: &Camera) {
+pub(crate) fn sort_by_cell(capture: &mut CameraFrames<SampledFrame>, camera: &Camera) {
     let layouts: Vec<FieldLayout> = camera.blocks().iter().filter_map(node_layout).collect();
     for frame in &mut capture.frames {
         Arc::make_mut(&mut frame.samples).sort_by_cached_key(|s| cells(&layouts, s));
@@ -70,6 +70,12 @@ pub(crate) fn cell_groups<'a>(
             (samples, keys.into())
         })
         .collect()
+}
+
+/// Parameters of those fields of a camera whose nodes are variables of their own; `None` where it has no such field.
+pub(crate) fn node_count(camera: &Camera) -> Option<usize> {
+    let counts = camera.blocks().iter().filter_map(node_layout).map(|layout| layout.parameter_count());
+    counts.reduce(|a, b| a + b)
 }
 
 /// A camera whose large fields are coarse, at their neutral values, and for every block the factor by which nodes are

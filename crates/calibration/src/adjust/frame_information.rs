@@ -38,7 +38,7 @@ struct WeightedRows {
 /// The shared parameters of an adjustment: those of all cameras, in the order of [`Adjustment::variables`], each variable once.
 struct SharedParameters {
     ranges: Vec<(VariableId, Range<usize>)>,
-    /// Those that are free.
+    /// Those that are free and not known.
     free: Vec<usize>,
 }
 
@@ -64,6 +64,17 @@ impl SharedParameters {
             }
         }
         Self { ranges, free }
+    }
+
+    /// Those of one camera that are free, in the order of its blocks; all others are known.
+    fn of_camera(adjustment: &Adjustment, camera: usize) -> Self {
+        let shared = Self::of(adjustment);
+        let keys = &adjustment.cameras[camera];
+        let range =
+            |id: VariableId| shared.ranges.iter().find(|(known, _)| *known == id).map(|(_, range)| range.clone());
+        let ranges = keys.variables().skip(keys.variables_of_extrinsics()).filter_map(range);
+        let free = ranges.flatten().filter(|parameter| shared.free.contains(parameter)).collect();
+        Self { free, ..shared }
     }
 
     /// Columns of the chosen parameters among those of a group over these variables after its pose; `None` for those that it does
@@ -110,6 +121,17 @@ impl Adjustment {
         self.frame_information_weighted(curvature, |_| 1.0)
     }
 
+    /// Information of every frame on the free parameters of one camera, all others known. Of held-out frames its depth alone is
+    /// judged.
+    pub fn frame_information_of_camera(&self, camera: usize, curvature: Curvature) -> Vec<FrameInformation> {
+        let judged = self.cameras[camera].depth;
+        let mut others = self.image_batches();
+        others.extend(self.depth_batches().into_iter().filter(|id| Some(*id) != judged));
+        let shared = SharedParameters::of_camera(self, camera);
+        let frames = self.information_of_parts([&others, judged.as_slice()], &shared, curvature, |_| [1.0]);
+        frames.into_iter().map(|[frame]| frame).collect()
+    }
+
     /// [`Adjustment::frame_information`] with the depth of every frame, given by its number, counted so many times.
     pub fn frame_information_weighted(
         &self,
@@ -117,7 +139,8 @@ impl Adjustment {
         depth_weight: impl Fn(usize) -> f64 + Sync,
     ) -> Vec<FrameInformation> {
         let parts = [&self.image_batches()[..], &self.depth_batches()];
-        let frames = self.information_of_parts(parts, curvature, |frame| [depth_weight(frame)]);
+        let shared = SharedParameters::of(self);
+        let frames = self.information_of_parts(parts, &shared, curvature, |frame| [depth_weight(frame)]);
         frames.into_iter().map(|[frame]| frame).collect()
     }
 
@@ -127,7 +150,8 @@ impl Adjustment {
         let judged = self.cameras[camera].depth;
         let mut others = self.image_batches();
         others.extend(self.depth_batches().into_iter().filter(|id| Some(*id) != judged));
-        self.information_of_parts([&others, judged.as_slice()], Curvature::OfWeights, |_| factors)
+        let shared = SharedParameters::of(self);
+        self.information_of_parts([&others, judged.as_slice()], &shared, Curvature::OfWeights, |_| factors)
     }
 
     /// Information of frames from batches that give poses where a frame is held out, and from batches that are then judged; these
@@ -135,10 +159,10 @@ impl Adjustment {
     fn information_of_parts<const N: usize>(
         &self,
         parts: [&[BatchId]; 2],
+        shared: &SharedParameters,
         curvature: Curvature,
         factors: impl Fn(usize) -> [f64; N] + Sync,
     ) -> Vec<[FrameInformation; N]> {
-        let shared = SharedParameters::of(self);
         let size = POSE + shared.free.len();
         self.poses
             .par_iter()
@@ -148,7 +172,7 @@ impl Adjustment {
                     let mut sum = (DMatrix::zeros(size, size), DVector::zeros(size));
                     for batch in batches.iter().filter_map(|b| self.graph.batch(*b)) {
                         for group in groups_of(batch, pose.id()) {
-                            if let Some(rows) = self.weighted_rows(batch, group, &shared, &shared.free) {
+                            if let Some(rows) = self.weighted_rows(batch, group, shared, &shared.free) {
                                 add_information(rows, curvature, &mut sum);
                             }
                         }

@@ -12,7 +12,7 @@ use super::frame_information::Curvature;
 use super::smoothness_prior::Smoothness;
 use super::smoothness_selection::{FrameInformation, prior, solve_scaled};
 use crate::observe::noise::NoiseModel;
-use crate::observe::{AdjustableFrame, Capture};
+use crate::observe::{AdjustableFrame, CameraFrames};
 
 /// Decrease of the cost below which an adjustment ends: what is left is a small part of a standard deviation.
 pub(crate) const DECREASE: f64 = 1e-4;
@@ -23,7 +23,7 @@ const MOST_PARAMETERS: usize = 800;
 /// `smoothness` of its fields, and `of_camera` of its parameters where there is one; `None` where the other frames do not
 /// determine the parameters, or where these are too many.
 pub fn cameras_without_parts<F: AdjustableFrame>(
-    capture: &Capture<F>,
+    capture: &CameraFrames<F>,
     camera: &Camera,
     noise: &NoiseModel,
     (smoothness, of_camera): (&Smoothness, Option<&CameraPrior>),
@@ -57,7 +57,7 @@ pub fn cameras_without_parts<F: AdjustableFrame>(
 /// The camera that frames alone determine, with the noise and the smoothness of the adjustment of all frames, from whose `camera`
 /// and poses it starts; `None` where the adjustment fails.
 pub fn camera_of_frames<F: AdjustableFrame>(
-    capture: &Capture<F>,
+    capture: &CameraFrames<F>,
     camera: &Camera,
     noise: &NoiseModel,
     (smoothness, of_camera): (&Smoothness, Option<&CameraPrior>),

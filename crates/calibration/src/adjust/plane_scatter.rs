@@ -11,7 +11,7 @@ use super::frame_rows::FrameRows;
 use super::problem::Problem;
 use super::state::{CameraState, State};
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
-use crate::observe::{AdjustableFrame, Capture};
+use crate::observe::{AdjustableFrame, CameraFrames};
 
 /// Fewest frames from which a scatter is estimated.
 const FEWEST_FRAMES: usize = 6;
@@ -56,7 +56,7 @@ fn shapes_with_amplitude(
 }
 
 /// Harmonic mean of the amplitudes of all depth samples; `None` where one is unknown, or where they hardly differ.
-fn typical_amplitude<F: AdjustableFrame>(capture: &Capture<F>) -> Option<f64> {
+fn typical_amplitude<F: AdjustableFrame>(capture: &CameraFrames<F>) -> Option<f64> {
     let amplitudes = || capture.frames.iter().flat_map(|f| f.samples()).map(|s| s.context.amplitude);
     if amplitudes().next().is_none() || amplitudes().any(|a| !(a > 0.0 && a.is_finite())) {
         return None;

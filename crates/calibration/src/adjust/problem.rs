@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 use super::state::{CameraState, State};
 use crate::observe::board_motion::BoardMotion;
 use crate::observe::noise::NoiseModel;
-use crate::observe::{AdjustableFrame, Capture};
+use crate::observe::{AdjustableFrame, CameraFrames};
 
 /// An adjustment's observations and start values. One camera is a rig of one: its frame is the rig's.
 pub struct Problem<'a, F> {
@@ -25,7 +25,7 @@ pub struct CameraProblem<'a, F> {
     /// The noise that weights its residuals.
     pub noise: &'a NoiseModel,
     /// Its frames with their observations.
-    pub capture: &'a Capture<F>,
+    pub capture: &'a CameraFrames<F>,
     /// Its frames among those of the problem, in the order of its capture.
     pub views: Vec<View>,
     /// Whether its depth samples take part; without them its pieces of depth are held.
@@ -60,7 +60,12 @@ pub struct Extrinsics {
 
 impl<'a, F: AdjustableFrame> Problem<'a, F> {
     /// The problem of one camera with the poses of its frames; depth samples take part where `with_depth`.
-    pub fn of_camera(capture: &'a Capture<F>, camera: &'a Camera, noise: &'a NoiseModel, with_depth: bool) -> Self {
+    pub fn of_camera(
+        capture: &'a CameraFrames<F>,
+        camera: &'a Camera,
+        noise: &'a NoiseModel,
+        with_depth: bool,
+    ) -> Self {
         let frames = capture.frames.iter().map(|f| (f.posed().name.as_str(), f.posed().camera_from_board)).collect();
         let views = (0..capture.frames.len()).map(|frame| View { frame, drifted: 0.0, moving: None }).collect();
         let camera = CameraProblem { name: None, camera, noise, capture, views, with_depth, extrinsics: None };

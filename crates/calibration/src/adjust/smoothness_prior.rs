@@ -17,7 +17,7 @@ use depthcal_solver::{EvaluationError, FactorBatch, Key, Values, VariableId};
 use nalgebra::{DMatrix, DVector};
 
 use super::field_thresholds::FieldThresholds;
-use crate::observe::{Capture, SampledFrame};
+use crate::observe::{CameraFrames, SampledFrame};
 
 /// One field of a piece, and the strength of its smoothness prior.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,6 +62,11 @@ impl Smoothness {
         if self.with_projective == earlier.with_projective && !earlier.fields.is_empty() {
             self.ridge = earlier.ridge;
         }
+    }
+
+    /// Whether all fields are as smooth as they may be.
+    pub(crate) fn is_flat(&self) -> bool {
+        self.fields.iter().all(|field| field.roughness <= self.thresholds.roughness_range[0])
     }
 
     /// All fields of a camera at the roughness with which the search starts.
@@ -218,7 +223,7 @@ pub(crate) fn ridge(layout: &FieldLayout, free: &[bool], sigma: f64) -> Vec<Prio
 }
 
 /// Holds every node that no sample touches at its nominal value.
-pub fn hold_untouched(camera: &Camera, capture: &Capture<SampledFrame>) -> Camera {
+pub fn hold_untouched(camera: &Camera, capture: &CameraFrames<SampledFrame>) -> Camera {
     camera.map_blocks(|mut block| {
         let Some(layout) = block.piece().and_then(|p| p.field()) else { return block };
         let mut touched = vec![false; block.theta.len()];

@@ -3,7 +3,7 @@
 use super::camera_prior::CameraPrior;
 use super::smoothness_prior::Smoothness;
 use crate::observe::noise::NoiseModel;
-use crate::observe::{AdjustableFrame, Capture, RawFrame, SampledFrame};
+use crate::observe::{AdjustableFrame, CameraFrames, RawFrame, SampledFrame};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -56,7 +56,7 @@ pub struct CameraState<F = SampledFrame> {
     /// The prior of its fields.
     pub smoothness: Smoothness,
     /// Its frames with their samples. Poses are those of the board in this camera.
-    pub capture: Capture<F>,
+    pub capture: CameraFrames<F>,
     /// For each of its frames its number among [`State::frames`].
     pub frames: Vec<usize>,
     /// Distance at which the noise of its depth pixels is uncorrelated, px.
@@ -113,7 +113,7 @@ impl RigFrame {
 
 impl<F: AdjustableFrame> CameraState<F> {
     /// A camera that is the reference, with frames of its own and the noise that weights their residuals.
-    pub fn reference(capture: Capture<F>, camera: Camera, noise: NoiseModel) -> Self {
+    pub fn reference(capture: CameraFrames<F>, camera: Camera, noise: NoiseModel) -> Self {
         Self {
             name: REFERENCE.to_owned(),
             camera,

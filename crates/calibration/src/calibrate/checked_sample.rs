@@ -3,12 +3,12 @@
 use depthcal_model::{Camera, Modulation};
 use tracing::warn;
 
+use super::camera_options::CameraOptions;
 use super::depth_scale::{check_scale, scale_hint};
 use super::error::CalibrateError;
 use super::joint::sample;
-use super::options::CalibrateOptions;
 use crate::cause::{DepthFinding, examine_depth};
-use crate::observe::{Capture, PosedFrame, SampledFrame};
+use crate::observe::{CameraFrames, PosedFrame, SampledFrame};
 
 /// [`sample`], where depth does not contradict the boards that the images show.
 ///
@@ -16,11 +16,11 @@ use crate::observe::{Capture, PosedFrame, SampledFrame};
 ///
 /// [`CalibrateError::Depth`] with the cause, [`CalibrateError::DepthUnexplained`], [`CalibrateError::Scale`], and of [`sample`].
 pub(super) fn checked_sample(
-    capture: Capture<PosedFrame>,
+    capture: CameraFrames<PosedFrame>,
     camera: &Camera,
     light: Option<Modulation>,
-    options: &CalibrateOptions,
-) -> Result<(Capture<SampledFrame>, Option<usize>), CalibrateError> {
+    options: &CameraOptions,
+) -> Result<(CameraFrames<SampledFrame>, Option<usize>), CalibrateError> {
     let finding = examine_depth(&capture, camera)?;
     if let DepthFinding::Cause(cause) = finding {
         if !cause.is_range_only() {
@@ -41,11 +41,11 @@ pub(super) fn checked_sample(
 }
 
 fn sampled_in_scale(
-    capture: Capture<PosedFrame>,
+    capture: CameraFrames<PosedFrame>,
     camera: &Camera,
     light: Option<Modulation>,
-    options: &CalibrateOptions,
-) -> Result<(Capture<SampledFrame>, Option<usize>), CalibrateError> {
+    options: &CameraOptions,
+) -> Result<(CameraFrames<SampledFrame>, Option<usize>), CalibrateError> {
     let (sampled, correlation) = sample(capture, camera, light, options)?;
     check_scale(&sampled)?;
     if let Some(hint) = scale_hint(&sampled) {

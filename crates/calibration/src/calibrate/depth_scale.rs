@@ -8,7 +8,7 @@ use depthcal_statistics::upper_median;
 use nalgebra::Point3;
 use thiserror::Error;
 
-use crate::observe::{Capture, SampledFrame};
+use crate::observe::{CameraFrames, SampledFrame};
 
 /// Deviation of the scale from one that a depth camera may have: measured ones are off by up to 2.7 %.
 pub const PLAUSIBLE_SCALE_DEVIATION: f64 = 0.08;
@@ -63,14 +63,14 @@ impl ImplausibleScale {
 }
 
 /// The scale where it deviates from one by more than `most_deviation`.
-pub fn implausible_scale(capture: &Capture<SampledFrame>, most_deviation: f64) -> Option<ImplausibleScale> {
+pub fn implausible_scale(capture: &CameraFrames<SampledFrame>, most_deviation: f64) -> Option<ImplausibleScale> {
     let scale = depth_scale(capture).filter(|scale| (scale - 1.0).abs() > most_deviation)?;
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
     Some(ImplausibleScale { scale, spacing_mm: capture.target.spacing_mm, unit_mm })
 }
 
 /// Refuses a scale that nothing but a wrong declaration explains.
-pub(super) fn check_scale(capture: &Capture<SampledFrame>) -> Result<(), ImplausibleScale> {
+pub(super) fn check_scale(capture: &CameraFrames<SampledFrame>) -> Result<(), ImplausibleScale> {
     match implausible_scale(capture, 0.0) {
         Some(found) if found.scale.max(1.0 / found.scale) > MOST_SCALE => Err(found),
         _ => Ok(()),
@@ -78,7 +78,7 @@ pub(super) fn check_scale(capture: &Capture<SampledFrame>) -> Result<(), Implaus
 }
 
 /// The cause of an implausible scale where a ratio of the declared lengths tells it: the side of a tag declared as the pitch.
-pub(super) fn scale_hint(capture: &Capture<SampledFrame>) -> Option<String> {
+pub(super) fn scale_hint(capture: &CameraFrames<SampledFrame>) -> Option<String> {
     let ImplausibleScale { scale, .. } = implausible_scale(capture, PLAUSIBLE_SCALE_DEVIATION)?;
     let parts = capture.target.parts();
     let [part] = parts.as_slice() else { return None };
@@ -97,7 +97,7 @@ pub(super) fn scale_hint(capture: &Capture<SampledFrame>) -> Option<String> {
 }
 
 /// Median of measured depth over the depth of the board point that a sample sees; `None` without samples.
-fn depth_scale(capture: &Capture<SampledFrame>) -> Option<f64> {
+fn depth_scale(capture: &CameraFrames<SampledFrame>) -> Option<f64> {
     let of_frame = |frame: &SampledFrame| -> Vec<f64> {
         let board_depth_mm = |[x, y]: [f64; 2]| (frame.camera_from_board * Point3::new(x, y, 0.0)).z;
         frame.samples.iter().map(|sample| sample.depth_mm / board_depth_mm(sample.board_seed)).collect()

@@ -2,10 +2,10 @@
 
 use depthcal_model::field::Domain;
 
-use crate::observe::{Capture, SampledFrame};
+use crate::observe::{CameraFrames, SampledFrame};
 
 /// The image and the depths that were seen, but for the outermost half per cent.
-pub(super) fn seen(capture: &Capture<SampledFrame>) -> Domain {
+pub(super) fn seen(capture: &CameraFrames<SampledFrame>) -> Domain {
     let mut depths: Vec<f64> = capture.frames.iter().flat_map(|f| f.samples.iter().map(|s| s.depth_mm)).collect();
     depths.sort_by(f64::total_cmp);
     let cut = depths.len() / 200;

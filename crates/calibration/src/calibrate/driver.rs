@@ -1,135 +1,114 @@
-//! The driver: the camera from the images, then depth by the estimator asked for.
+//! The driver: cameras alone, places, everything in one adjustment.
 
-use std::sync::Arc;
+use std::ops::Range;
 
-use depthcal_model::{AnyPiece, Block, Modulation, RegisterError, needed_light};
-use tracing::info;
-
-use super::checked_sample::checked_sample;
+use super::calibrated::{Calibrated, CameraFit, TimeOffset};
+use super::calibrated_camera::CalibratedCamera;
+use super::camera::calibrate_camera;
+use super::camera_options::CameraOptions;
+use super::contradiction::check_evidence;
 use super::error::CalibrateError;
-use super::fitted::Calibrated;
-use super::foreign_depth::drop_foreign_depth;
-use super::held::hold;
-use super::image::calibrate_image_or_cause;
-use super::joint::{joint, with_depth_pieces};
-use super::marker_estimators::estimate;
-use super::model_blocks::depth_blocks;
-use super::options::{CalibrateOptions, Estimator};
-use crate::observe::{Capture, PosedFrame, SampledFrame};
+use super::folds::check_invertible;
+use super::options::CalibrateOptions;
+use super::rig::{Started, left_open, start};
+use super::rules::{joint_rules, rules_by_node};
+use super::settle::{Settled, settle};
+use crate::adjust::field_cells::node_count;
+use crate::observe::{Capture, SampledFrame};
 
-/// Calibrates a depth camera: markers first, then depth by the estimator asked for.
+/// Calibrates the cameras of a capture, of which there may be one: every camera with images alone, the places of several from the
+/// views that they share, then all cameras, places and poses of the board in one adjustment, with the noise of every camera
+/// estimated on the way. A joint fit that contradicts those of its cameras alone is refused.
 ///
 /// # Errors
 ///
 /// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
 pub fn calibrate(capture: &Capture, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
-    depth_blocks(options)?;
-    let from_image = calibrate_image_or_cause(capture, options)?;
-    info!(
-        "{} frames, {:.3} px rms from the image alone",
-        from_image.capture.frames.len(),
-        from_image.reprojection_rms_px
-    );
-    calibrate_depth(from_image, options)
+    let fit = fit(capture, options)?;
+    check_evidence(&fit)?;
+    Ok(fit)
 }
 
-/// Calibrates a depth camera by the joint adjustment. Returns the fit and the depth samples before any were left out as outliers,
-/// from which [`readjust`](super::readjust::readjust) starts.
-///
-/// # Errors
-///
-/// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
-pub fn calibrate_keeping_samples(
-    capture: &Capture,
-    options: &CalibrateOptions,
-) -> Result<(Calibrated, Capture<SampledFrame>), CalibrateError> {
-    let blocks = depth_blocks(options)?;
-    let from_image = calibrate_image_or_cause(capture, options)?;
-    let (mut capture, correlation) =
-        checked_sample(from_image.capture, &from_image.camera, light(&blocks, options), options)?;
-    let foreign_depth = drop_foreign_depth(&mut capture);
-    let samples = capture.clone();
-    let fit = joint(capture, correlation, from_image.camera, from_image.noise, blocks, options)?;
-    let (lens_choice, lens_comparison) = (from_image.lens_choice, from_image.lens_comparison);
-    Ok((Calibrated { lens_choice, lens_comparison, foreign_depth, ..fit }, samples))
-}
-
-/// Fits the depth model by the estimator asked for, on top of a calibration from the images alone.
-///
-/// # Errors
-///
-/// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
-pub fn calibrate_depth(
-    from_image: Calibrated<PosedFrame>,
-    options: &CalibrateOptions,
-) -> Result<Calibrated, CalibrateError> {
-    let depth_blocks = depth_blocks(options)?;
-    if !from_image.capture.has_depth() {
-        if options.model.is_none() && depth_blocks.is_empty() {
-            return Ok(from_image.without_samples());
-        }
-        let (dataset, model) = (from_image.capture.name.clone(), options.model.to_string());
-        return Err(CalibrateError::NoDepth { dataset, model });
+/// [`calibrate`] whose cameras may contradict each other, as they do where an effect is missing that a diagnosis searches.
+pub(crate) fn fit(capture: &Capture, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
+    // One camera has its frames' poses, its fields by node and the estimators of the thesis to itself.
+    if let [only] = &capture.cameras[..] {
+        let fitted = calibrate_camera(&only.capture, &options.of_only(only))?;
+        return Ok(Calibrated { name: capture.name.clone(), ..Calibrated::of_camera(&only.name, fitted) });
     }
-    match options.estimator {
-        Estimator::Joint => {
-            let Calibrated { capture, camera, noise, lens_choice, lens_comparison, .. } = from_image;
-            let (mut capture, correlation) = checked_sample(capture, &camera, light(&depth_blocks, options), options)?;
-            let foreign_depth = drop_foreign_depth(&mut capture);
-            let fit = joint(capture, correlation, camera, noise, depth_blocks, options)?;
-            Ok(Calibrated { lens_choice, lens_comparison, foreign_depth, ..fit })
-        }
-        other => {
-            let _stage = options.progress.stage("estimating D from markers");
-            estimate(from_image, depth_blocks, other)
+    let mut started = start(capture, options)?;
+    for (camera, drift) in &options.drifts {
+        if let Some(drifting) = started.state.cameras.iter_mut().skip(1).find(|c| c.name == *camera) {
+            drifting.drift = Some(*drift);
         }
     }
+    adjusted(&capture.name, started, options)
 }
 
-/// A calibration from the images alone with sampled depth and the depth pieces at their nominal values, not yet adjusted: what a
-/// joint adjustment of several cameras starts from. Without depth, and for fields, it is what [`calibrate_depth`] gives: fields
-/// need the search for their roughness.
-///
-/// # Errors
-///
-/// As [`calibrate_depth`].
-pub fn prepare_depth(
-    from_image: Calibrated<PosedFrame>,
-    options: &CalibrateOptions,
-) -> Result<Calibrated, CalibrateError> {
-    let blocks = depth_blocks(options)?;
-    let are_fields = blocks.iter().any(|b| b.piece().is_some_and(|p| p.field().is_some()));
-    if are_fields || !from_image.capture.has_depth() || options.estimator != Estimator::Joint {
-        return calibrate_depth(from_image, options);
+/// From start values to calibrated cameras.
+fn adjusted(name: &str, started: Started, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
+    let Started { state, pairs, alone, is_declared } = started;
+    let _stage = options.each.progress.stage("joint adjustment of the rig");
+    // The fit of a camera alone has chosen the smoothness of a field whose nodes are variables of their own.
+    let nodes = state.cameras.iter().filter_map(|camera| node_count(&camera.camera)).reduce(|a, b| a + b);
+    let rules = nodes.map_or_else(joint_rules, rules_by_node);
+    let settled = settle(state, &rules, &options.each)?;
+    let mut cameras = Vec::new();
+    for (number, alone) in alone.into_iter().enumerate() {
+        let mut camera = camera_fit(&settled, number, alone, &options.each);
+        let (state, stds) = (&settled.state.cameras[number], camera.calibrated.std_devs());
+        camera.left_open = left_open(&state.camera, &state.priors, &stds, is_declared[number]);
+        if camera.calibrated.with_depth {
+            check_invertible(&camera.calibrated)
+                .map_err(|source| CalibrateError::of_camera(&camera.name)(source.into()))?;
+        }
+        cameras.push(camera);
     }
-    let (mut sampled, correlation) =
-        checked_sample(from_image.capture.clone(), &from_image.camera, light(&blocks, options), options)?;
-    let foreign_depth = drop_foreign_depth(&mut sampled);
-    let (camera, noise) = with_depth_pieces(&sampled, from_image.camera.clone(), from_image.noise, blocks);
-    let mut prepared = from_image.without_samples();
-    (prepared.capture, prepared.noise, prepared.foreign_depth) = (sampled, noise, foreign_depth);
-    prepared.camera = hold(&camera, &options.held, true);
-    (prepared.with_depth, prepared.covariance, prepared.correlation_length_px) = (true, None, correlation);
-    Ok(prepared)
+    let Settled { state, adjusted, covariance, .. } = settled;
+    Ok(Calibrated {
+        name: name.to_owned(),
+        cameras,
+        frames: state.frames.clone(),
+        covariance,
+        pairs,
+        cost: adjusted.report.cost,
+        iterations: adjusted.report.iterations,
+        termination: adjusted.report.termination.to_string(),
+        state,
+    })
 }
 
-/// The modulation frequencies for which the samples of a fit of these options have the light of their frames; `None` where they
-/// need none.
-///
-/// # Errors
-///
-/// [`RegisterError`] where an effect or the depth model is unknown.
-pub fn light_of_samples(options: &CalibrateOptions) -> Result<Option<Modulation>, RegisterError> {
-    Ok(light(&depth_blocks(options)?, options))
-}
-
-/// The modulation frequencies for which samples need the light of their frames: those of the model, else of a piece that a search
-/// may add.
-fn light(blocks: &[Block], options: &CalibrateOptions) -> Option<Modulation> {
-    let register = &options.register;
-    let mut pieces: Vec<Arc<dyn AnyPiece>> = blocks.iter().filter_map(|b| b.piece().cloned()).collect();
-    if options.samples_for_search {
-        pieces.extend(register.names().filter_map(|name| register.find(name)));
+/// A camera's part of the fit; `alone` is what it gave alone.
+fn camera_fit(
+    settled: &Settled<SampledFrame>,
+    number: usize,
+    alone: CalibratedCamera,
+    options: &CameraOptions,
+) -> CameraFit {
+    let camera = &settled.state.cameras[number];
+    let has_markers = alone.capture.frames.iter().any(|frame| !frame.markers.is_empty());
+    let alone_px = has_markers.then_some(alone.noise.pixel_sigma);
+    let rows = &settled.state.parameter_rows()[number];
+    let std_dev = |row: usize| settled.covariance.as_ref().map_or(f64::NAN, |c| c[(row, row)].max(0.0).sqrt());
+    let of_tangent = |rows: &Range<usize>| std::array::from_fn(|i| std_dev(rows.start + i));
+    let value_s = camera.offset_s.filter(|_| !rows.offset.is_empty());
+    let calibrated = CalibratedCamera {
+        foreign_depth: alone.foreign_depth,
+        lens_choice: alone.lens_choice,
+        lens_comparison: alone.lens_comparison,
+        prior: alone.prior,
+        estimator: alone.estimator,
+        model: alone.model,
+        ..settled.camera(number, options)
+    };
+    CameraFit {
+        name: camera.name.clone(),
+        camera_from_rig: camera.camera_from_rig,
+        place_std_dev: (!rows.extrinsics.is_empty()).then(|| of_tangent(&rows.extrinsics)),
+        drift: camera.drift.filter(|_| !rows.drift.is_empty()).map(|drift| (drift, of_tangent(&rows.drift))),
+        time_offset: value_s.map(|value_s| TimeOffset { value_s, std_dev_s: std_dev(rows.offset.start) }),
+        calibrated,
+        alone_px,
+        left_open: Vec::new(),
     }
-    needed_light(pieces.iter().map(|p| &**p))
 }

@@ -9,7 +9,7 @@ use super::undetermined::UndeterminedModel;
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::blocks::is_depth_only;
 use crate::adjust::state::State;
-use crate::observe::{AdjustableFrame, Capture};
+use crate::observe::{AdjustableFrame, CameraFrames};
 
 /// Fewer frames than this are too few to blame anything else, as a rule.
 const FEW_FRAMES: usize = 6;
@@ -143,7 +143,7 @@ struct Facts {
 }
 
 impl Facts {
-    fn of<F: AdjustableFrame>(camera: &Camera, capture: &Capture<F>) -> Self {
+    fn of<F: AdjustableFrame>(camera: &Camera, capture: &CameraFrames<F>) -> Self {
         let normals: Vec<Vector3<f64>> = capture.poses().map(|p| p.rotation * Vector3::z()).collect();
         let pairs = normals.iter().enumerate().flat_map(|(i, a)| normals[..i].iter().map(move |b| a.angle(b)));
         let middle =

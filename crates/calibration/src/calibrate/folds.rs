@@ -2,8 +2,8 @@
 
 use depthcal_model::CameraError;
 
+use super::calibrated_camera::CalibratedCamera;
 use super::domain::seen;
-use super::fitted::Calibrated;
 
 /// Depths on every ray at which folds are looked for.
 const FOLD_STEPS: usize = 60;
@@ -14,7 +14,7 @@ const FOLD_STEPS: usize = 60;
 /// # Errors
 ///
 /// [`CameraError`] where it folds.
-pub fn check_invertible(result: &Calibrated) -> Result<(), CameraError> {
+pub fn check_invertible(result: &CalibratedCamera) -> Result<(), CameraError> {
     let range = seen(&result.capture).depth_mm;
     for frame in &result.capture.frames {
         for sample in frame.samples.iter().step_by(10) {

@@ -13,7 +13,7 @@ use rand::seq::index::sample;
 use rand::{SeedableRng, rngs::StdRng};
 use tracing::warn;
 
-use crate::observe::{Capture, DroppedFrame, SampledFrame};
+use crate::observe::{CameraFrames, DroppedFrame, SampledFrame};
 
 /// Fewer frames than this say nothing about one of them.
 const FEWEST_FRAMES: usize = 6;
@@ -153,7 +153,7 @@ fn deviations(frames: &[OfFrame]) -> Option<Deviations> {
 }
 
 /// Takes frames whose depth contradicts that of most frames out of a capture; they are among its dropped.
-pub(super) fn drop_foreign_depth(capture: &mut Capture<SampledFrame>) -> Vec<ForeignDepth> {
+pub(super) fn drop_foreign_depth(capture: &mut CameraFrames<SampledFrame>) -> Vec<ForeignDepth> {
     let mut inverse: Vec<f64> =
         capture.frames.iter().map(|frame| 1.0 / frame.camera_from_board.translation.z).collect();
     let Some(scale) = upper_median(&mut inverse) else { return Vec::new() };
@@ -190,11 +190,11 @@ pub(super) fn drop_foreign_depth(capture: &mut Capture<SampledFrame>) -> Vec<For
 mod tests {
     use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 
-    use crate::calibrate::{CalibrateOptions, calibrate};
-    use crate::observe::{Capture, DetectedFrame, MeasuredDepth};
+    use crate::calibrate::{CameraOptions, calibrate_camera};
+    use crate::observe::{CameraFrames, DetectedFrame, MeasuredDepth};
     use crate::simulated;
 
-    fn capture(seed: u64, effects: &[Effect]) -> Capture {
+    fn capture(seed: u64, effects: &[Effect]) -> CameraFrames {
         let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), effects, 300 + seed);
         simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap())
     }
@@ -227,7 +227,7 @@ mod tests {
                 .filter(|(k, i)| clearly((*k, i)))
                 .map(|(_, i)| clean.frames[*i].name.as_str())
                 .collect();
-            let fit = calibrate(&spoiled, &CalibrateOptions::default()).unwrap();
+            let fit = calibrate_camera(&spoiled, &CameraOptions::default()).unwrap();
             assert!(clear.len() > count / 2);
             for name in &clear {
                 assert!(fit.foreign_depth.iter().any(|f| f.name == *name), "seed {seed}: {name} stays");
@@ -245,7 +245,7 @@ mod tests {
             [("cyclic_depth", 20.0), ("temporal_drift", 20.0), ("quadratic_depth", 20.0), ("radial_range", 30.0)]
         {
             let fit =
-                calibrate(&capture(7, &[Effect::new(name, size).unwrap()]), &CalibrateOptions::default()).unwrap();
+                calibrate_camera(&capture(7, &[Effect::new(name, size).unwrap()]), &CameraOptions::default()).unwrap();
             assert!(fit.foreign_depth.is_empty(), "{name}: {:?}", fit.foreign_depth);
         }
     }
@@ -254,7 +254,7 @@ mod tests {
     fn frames_without_depth_are_kept() {
         let mut some = capture(9, &[]);
         some.frames[3].raw.depth = MeasuredDepth::None;
-        let fit = calibrate(&some, &CalibrateOptions::default()).unwrap();
+        let fit = calibrate_camera(&some, &CameraOptions::default()).unwrap();
         assert_eq!((fit.capture.frames.len(), fit.foreign_depth.len()), (some.frames.len(), 0));
     }
 }

@@ -11,7 +11,7 @@ use crate::adjust::adjustment::AdjustedCamera;
 use crate::adjust::state::CameraState;
 use crate::observe::gross_markers::gross_markers;
 use crate::observe::wrong_markers::{limit_px, take_wrong};
-use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, PosedFrame};
+use crate::observe::{CameraFrames, DetectedFrame, DroppedFrame, MarkerObservation, PosedFrame};
 use crate::start::{
     FEWEST_FRAMES, FEWEST_MARKERS, FrameMarkers, PoseFit, StartError, doubt_between, estimate_pose, fit_homography,
     mirrored_pose,
@@ -28,7 +28,7 @@ pub(super) fn markers_of(frame: &DetectedFrame) -> FrameMarkers<'_> {
 }
 
 /// The capture without grossly wrong markers, of which frames keep a list.
-pub(super) fn without_gross_markers(capture: &Capture) -> Capture {
+pub(super) fn without_gross_markers(capture: &CameraFrames) -> CameraFrames {
     let without = |frame: &DetectedFrame| {
         let wrong = gross_markers(&capture.target, &frame.markers);
         let count = wrong.iter().filter(|wrong| **wrong).count();
@@ -45,7 +45,7 @@ pub(super) fn without_gross_markers(capture: &Capture) -> Capture {
 }
 
 /// The capture without frames whose markers determine no homography, which are among its dropped.
-pub(super) fn with_homographies(capture: &Capture) -> Capture {
+pub(super) fn with_homographies(capture: &CameraFrames) -> CameraFrames {
     let reason = |frame: &DetectedFrame| match fit_homography(&capture.target, &markers_of(frame)) {
         Ok(_) => None,
         Err(StartError::TooFewMarkers { found, .. }) => {
@@ -65,7 +65,7 @@ pub(super) fn with_homographies(capture: &Capture) -> Capture {
 }
 
 /// All frames with the poses that they have under a camera; those without are among the dropped.
-pub(super) fn posed(capture: &Capture, camera: &Camera) -> Capture<PosedFrame> {
+pub(super) fn posed(capture: &CameraFrames, camera: &Camera) -> CameraFrames<PosedFrame> {
     let pose = |frame: &DetectedFrame| match estimate_pose(camera, &capture.target, &markers_of(frame)) {
         Ok(fit) => Ok(PosedFrame { detected: frame.clone(), camera_from_board: fit.camera_from_board }),
         Err(error) => Err((frame.name.clone(), error.to_string())),
@@ -74,7 +74,7 @@ pub(super) fn posed(capture: &Capture, camera: &Camera) -> Capture<PosedFrame> {
 }
 
 /// The capture with those frames that are kept; names and reasons of the others are among its dropped.
-fn keep<F>(capture: &Capture, judged: impl Iterator<Item = Result<F, (String, String)>>) -> Capture<F> {
+fn keep<F>(capture: &CameraFrames, judged: impl Iterator<Item = Result<F, (String, String)>>) -> CameraFrames<F> {
     let mut remaining = capture.with_frames(Vec::new());
     for frame in judged {
         match frame {
@@ -123,14 +123,14 @@ pub(super) fn repair(
 
 /// A start camera without lens may put a frame into the wrong one of a plane's two poses, where the adjustment then stays.
 /// The other pose of every frame, mirrored about the line of sight; `None` where it has none.
-fn mirrored_poses(capture: &Capture<PosedFrame>, camera: &Camera) -> Vec<Option<PoseFit>> {
+fn mirrored_poses(capture: &CameraFrames<PosedFrame>, camera: &Camera) -> Vec<Option<PoseFit>> {
     let other = |f: &PosedFrame| mirrored_pose(camera, &capture.target, &f.markers, &f.camera_from_board);
     capture.frames.par_iter().map(other).collect()
 }
 
 /// A start camera without lens may put a frame into the wrong one of a plane's two poses, where the adjustment then stays.
 /// Takes the other poses that fit clearly better than the frames' own do, whose errors are given, px; returns how many.
-fn leave_mirrored_poses(capture: &mut Capture<PosedFrame>, others: &[Option<PoseFit>], errors: &[f64]) -> usize {
+fn leave_mirrored_poses(capture: &mut CameraFrames<PosedFrame>, others: &[Option<PoseFit>], errors: &[f64]) -> usize {
     const CLEARLY: f64 = 0.9;
     let mut moved = 0;
     for ((frame, other), error) in capture.frames.iter_mut().zip(others).zip(errors) {
@@ -143,7 +143,7 @@ fn leave_mirrored_poses(capture: &mut Capture<PosedFrame>, others: &[Option<Pose
 }
 
 /// Distances between markers and their projections, px, frame by frame, from whitened residuals.
-fn distances_px(capture: &Capture<PosedFrame>, residuals: &[f64], sigma: f64) -> Vec<Vec<f64>> {
+fn distances_px(capture: &CameraFrames<PosedFrame>, residuals: &[f64], sigma: f64) -> Vec<Vec<f64>> {
     let mut pairs = residuals.chunks_exact(2);
     let distance = |(marker, pair): (&MarkerObservation, &[f64])| sigma * marker.std_px * pair[0].hypot(pair[1]);
     capture.frames.iter().map(|frame| frame.markers.iter().zip(pairs.by_ref()).map(distance).collect()).collect()
@@ -151,7 +151,7 @@ fn distances_px(capture: &Capture<PosedFrame>, residuals: &[f64], sigma: f64) ->
 
 /// Leaves out markers that were found in the wrong place, of frames that keep enough of them, given the distances of all from
 /// their projections, px; returns how many.
-fn leave_out_wrong_markers(capture: &mut Capture<PosedFrame>, distances: &[Vec<f64>]) -> usize {
+fn leave_out_wrong_markers(capture: &mut CameraFrames<PosedFrame>, distances: &[Vec<f64>]) -> usize {
     let Some(limit) = limit_px(&distances.concat()) else { return 0 };
     let mut count = 0;
     for (frame, distances) in capture.frames.iter_mut().zip(distances) {
@@ -180,7 +180,7 @@ fn worst_frame(errors: &[f64]) -> Option<(usize, String)> {
 /// The frames whose markers leave their pose undetermined under the adjusted camera, and why. The markers' standard deviation
 /// is that of the median frame.
 fn undetermined_frames(
-    capture: &Capture<PosedFrame>,
+    capture: &CameraFrames<PosedFrame>,
     camera: &Camera,
     others: &[Option<PoseFit>],
     errors: &[f64],

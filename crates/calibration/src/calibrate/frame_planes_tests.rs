@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
-use crate::calibrate::{CalibrateOptions, calibrate, with_frame_scatter};
+use crate::calibrate::{CameraOptions, calibrate_camera, with_frame_scatter};
 use crate::simulated;
 
 /// Depth errors that differ from frame to frame: planes of a millimetre or so, or terms in the inverse amplitude, which are as
@@ -40,8 +40,8 @@ fn mean_square_deviation(own: Own, afterwards: bool, seed: u64) -> f64 {
             pixel.depth_mm = 1.0 / (1.0 / pixel.depth_mm + added);
         }
     }
-    let options = CalibrateOptions { frame_planes: !afterwards, ..CalibrateOptions::default() };
-    let fit = calibrate(&capture, &options).unwrap();
+    let options = CameraOptions { frame_planes: !afterwards, ..CameraOptions::default() };
+    let fit = calibrate_camera(&capture, &options).unwrap();
     let fit = if afterwards { with_frame_scatter(fit) } else { fit };
     assert!(fit.noise.planes.of_noise > 0.0, "the scatter of planes is reported");
     let deviations = fit.camera.theta().into_iter().zip(simulated::true_theta(&camera)).zip(fit.std_devs());

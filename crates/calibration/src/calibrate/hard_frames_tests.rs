@@ -4,13 +4,13 @@ use depthcal_model::{Camera, PieceSpec};
 use depthcal_simulate::{CameraTruth, Kind, Noise, PointOptions, Pose, Simulation};
 
 use super::lens_order::LensOrder;
-use super::{CalibrateError, CalibrateOptions, calibrate, calibrate_image};
-use crate::observe::{Capture, MarkerObservation};
+use super::{CalibrateError, CameraOptions, calibrate_camera, calibrate_image};
+use crate::observe::{CameraFrames, MarkerObservation};
 use crate::simulated;
 
 const SIGMA_PX: f64 = 0.05;
 
-fn capture(camera: CameraTruth, seed: u64) -> Capture {
+fn capture(camera: CameraTruth, seed: u64) -> CameraFrames {
     let simulation = Simulation::new(camera, Kind::General(1), &[], seed);
     simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap())
 }
@@ -20,13 +20,13 @@ fn published() -> CameraTruth {
 }
 
 /// Markers of the frame whose board coordinates satisfy a condition.
-fn keep(capture: &mut Capture, frame: usize, condition: impl Fn([f64; 2]) -> bool) {
+fn keep(capture: &mut CameraFrames, frame: usize, condition: impl Fn([f64; 2]) -> bool) {
     let target = capture.target.clone();
     capture.frames[frame].markers.retain(|m| condition(target.point(m.index)));
 }
 
 /// Largest error of fx, fy, cx, cy and k1 … k3, in standard deviations.
-fn largest_error(result: &super::Calibrated<crate::observe::PosedFrame>, truth: &CameraTruth) -> f64 {
+fn largest_error(result: &super::CalibratedCamera<crate::observe::PosedFrame>, truth: &CameraTruth) -> f64 {
     let truth = simulated::true_theta(truth);
     let errors = result.camera.theta().into_iter().zip(truth).zip(result.std_devs());
     errors.filter_map(|((found, truth), std)| Some((found - truth).abs() / std?)).fold(0.0, f64::max)
@@ -51,7 +51,7 @@ fn frames_without_a_pose_are_dropped_and_the_others_calibrated() {
         let names: Vec<String> = [1, 4, 7, 10].iter().map(|i| hard.frames[*i].name.clone()).collect();
         // A half of the board is enough.
         keep(&mut hard, 12, |p| p[0] < middle);
-        let result = calibrate_image(&hard, &CalibrateOptions::default()).unwrap();
+        let result = calibrate_image(&hard, &CameraOptions::default()).unwrap();
         let dropped: Vec<&str> = result.capture.dropped.iter().map(|d| d.name.as_str()).collect();
         assert_eq!(dropped, names, "seed {seed}: {:?}", result.capture.dropped);
         let reason = |i: usize| result.capture.dropped[i].reason.clone();
@@ -78,7 +78,7 @@ fn a_thinned_frame_with_a_wrong_marker_is_dropped() {
         let name = hard.frames[3].name.clone();
         let wrong = &mut hard.frames[3].markers[(seed % 6) as usize].pixel;
         wrong[(seed % 2) as usize] += 20.0;
-        let result = calibrate_image(&hard, &CalibrateOptions::default()).unwrap();
+        let result = calibrate_image(&hard, &CameraOptions::default()).unwrap();
         let dropped: Vec<&str> = result.capture.dropped.iter().map(|d| d.name.as_str()).collect();
         assert_eq!(dropped, [name.as_str()], "seed {seed}: {:?}", result.capture.dropped);
         assert!(largest_error(&result, &published()) < 4.0, "seed {seed}: {}", largest_error(&result, &published()));
@@ -96,7 +96,7 @@ fn markers_in_the_wrong_place_are_left_out() {
             frame.markers[marker].pixel[k % 2] += if k % 3 == 0 { 2.0 } else { -3.0 };
             wrong.push((frame.name.clone(), frame.markers[marker].index));
         }
-        let result = calibrate_image(&hard, &CalibrateOptions::default()).unwrap();
+        let result = calibrate_image(&hard, &CameraOptions::default()).unwrap();
         let frames = &result.capture.frames;
         let left_out = frames.iter().flat_map(|f| f.wrong_markers.iter().map(|m| (f.name.clone(), m.index)));
         assert_eq!(left_out.collect::<Vec<_>>(), wrong, "seed {seed}");
@@ -118,8 +118,8 @@ fn the_order_of_a_lens_follows_the_data() {
                 (m.pixel[0] - 0.5 * width).abs() < 0.2 * width && (m.pixel[1] - 0.5 * height).abs() < 0.2 * height
             });
         }
-        let chosen = calibrate_image(&narrow, &CalibrateOptions::default()).unwrap();
-        let full = CalibrateOptions { lens: "brown-conrady:full".to_owned(), ..CalibrateOptions::default() };
+        let chosen = calibrate_image(&narrow, &CameraOptions::default()).unwrap();
+        let full = CameraOptions { lens: "brown-conrady:full".to_owned(), ..CameraOptions::default() };
         let full = calibrate_image(&narrow, &full);
         let choice = chosen.lens_choice.clone().expect("the corners are undetermined");
         chosen_lower += usize::from(choice.order < LensOrder::Full);
@@ -156,15 +156,14 @@ fn true_ray(truth: &CameraTruth, pixel: [f64; 2]) -> [f64; 2] {
 #[test]
 fn a_lens_that_is_determined_is_fitted_whole() {
     for number in 1..=4 {
-        let result =
-            calibrate_image(&capture(CameraTruth::published(number).unwrap(), 60), &CalibrateOptions::default());
+        let result = calibrate_image(&capture(CameraTruth::published(number).unwrap(), 60), &CameraOptions::default());
         let result = result.unwrap();
         println!("camera {number}: {:?}", result.lens_choice);
         assert_eq!(result.camera.block("brown_conrady").unwrap().free, [true; 5], "camera {number}");
     }
 }
 
-fn undetermined(result: Result<super::Calibrated, CalibrateError>) -> (String, super::UndeterminedModel) {
+fn undetermined(result: Result<super::CalibratedCamera, CalibrateError>) -> (String, super::UndeterminedModel) {
     match result {
         Err(error) if error.is_untrusted_fit() => match &error {
             CalibrateError::Undetermined(model) => (error.to_string(), (**model).clone()),
@@ -178,8 +177,8 @@ fn undetermined(result: Result<super::Calibrated, CalibrateError>) -> (String, s
 /// D twice.
 #[test]
 fn parameters_that_do_the_same_are_named() {
-    let options = CalibrateOptions { effects: vec![PieceSpec::new("projective")], ..CalibrateOptions::default() };
-    let (text, model) = undetermined(calibrate(&capture(published(), 5), &options));
+    let options = CameraOptions { effects: vec![PieceSpec::new("projective")], ..CameraOptions::default() };
+    let (text, model) = undetermined(calibrate_camera(&capture(published(), 5), &options));
     assert!(model.parameters.iter().all(|p| p.starts_with("projective.d")) && model.combinations == 4, "{model:?}");
     assert!(text.lines().count() <= 5 && text.contains("--with fixed:projective.d"), "{text}");
 }
@@ -196,8 +195,8 @@ fn what_a_single_distance_leaves_open_is_explained() {
     let exact = PointOptions { sigma_px: 0.0, ..PointOptions::default() };
     let observed = simulation.noise(Noise::none()).observe_points(&exact).unwrap();
     let camera = Camera::new(640, 480, [480.0, 480.0, truth.centre_px[0], truth.centre_px[1], 0.0], Vec::new());
-    let options = CalibrateOptions { camera: Some(camera.map_blocks(|b| b.hold())), ..CalibrateOptions::default() };
-    let (text, model) = undetermined(calibrate(&simulated::capture(&observed), &options));
+    let options = CameraOptions { camera: Some(camera.map_blocks(|b| b.hold())), ..CameraOptions::default() };
+    let (text, model) = undetermined(calibrate_camera(&simulated::capture(&observed), &options));
     assert!(["projective.dz", "projective.dw"].iter().all(|p| model.parameters.iter().any(|q| p == q)), "{model:?}");
     assert!(text.contains("700 mm") && text.contains("farthest distance"), "{text}");
 }
@@ -205,8 +204,8 @@ fn what_a_single_distance_leaves_open_is_explained() {
 #[test]
 fn held_parameters_keep_their_values() {
     let held = ["brown_conrady.k3", "pinhole.cx", "projective.dz"].map(|h| h.parse().unwrap()).to_vec();
-    let options = CalibrateOptions { held, ..CalibrateOptions::default() };
-    let result = calibrate(&capture(published(), 6), &options).unwrap();
+    let options = CameraOptions { held, ..CameraOptions::default() };
+    let result = calibrate_camera(&capture(published(), 6), &options).unwrap();
     let middle = (result.camera.width as f64 - 1.0) / 2.0;
     for (block, parameter, value) in
         [("brown_conrady", "k3", 0.0), ("pinhole", "cx", middle), ("projective", "dz", 0.0)]
@@ -216,8 +215,8 @@ fn held_parameters_keep_their_values() {
         assert_eq!((block.theta[place], block.free[place]), (value, false), "{parameter}");
     }
     for (held, said) in [("lens.k3", "there is no parameter 'lens.k3'"), ("pinhole.fx", "declare it under [camera]")] {
-        let options = CalibrateOptions { held: vec![held.parse().unwrap()], ..CalibrateOptions::default() };
-        let Err(error) = calibrate(&capture(published(), 6), &options) else { panic!("{held} is accepted") };
+        let options = CameraOptions { held: vec![held.parse().unwrap()], ..CameraOptions::default() };
+        let Err(error) = calibrate_camera(&capture(published(), 6), &options) else { panic!("{held} is accepted") };
         assert!(!error.is_untrusted_fit() && error.to_string().contains(said), "{error}");
     }
 }

@@ -3,20 +3,20 @@
 use depthcal_model::{Block, Camera};
 use tracing::warn;
 
+use super::calibrated_camera::CalibratedCamera;
+use super::camera_options::CameraOptions;
 use super::error::CalibrateError;
-use super::fitted::Calibrated;
 use super::frame_checks::{markers_of, posed, repair, with_homographies, without_gross_markers};
 use super::held::{check, hold};
 use super::lens_choice::settle_with_chosen_lens;
 use super::lens_comparison::{AUTO, fit_best_lens};
 use super::lens_order::{BROWN_CONRADY, LensOrder, requested};
 use super::model_blocks::{depth_blocks, image_blocks};
-use super::options::CalibrateOptions;
 use super::rules::{Freedom, ROUNDS, Rules};
 use super::settle::settle;
 use crate::adjust::state::{CameraState, State};
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
-use crate::observe::{Capture, PosedFrame};
+use crate::observe::{CameraFrames, PosedFrame};
 use crate::start::{FEWEST_FRAMES, FrameMarkers, StartError, lens_block, start_camera};
 
 /// Adjusts camera, lens and poses to the markers alone, from start values that are found here.
@@ -29,9 +29,9 @@ use crate::start::{FEWEST_FRAMES, FrameMarkers, StartError, lens_block, start_ca
 ///
 /// [`CalibrateError`], where the captures do not determine the camera.
 pub fn calibrate_image(
-    capture: &Capture,
-    options: &CalibrateOptions,
-) -> Result<Calibrated<PosedFrame>, CalibrateError> {
+    capture: &CameraFrames,
+    options: &CameraOptions,
+) -> Result<CalibratedCamera<PosedFrame>, CalibrateError> {
     if options.lens == AUTO && options.camera.is_none() {
         return fit_best_lens(capture, options, &calibrate_image_with_lens);
     }
@@ -44,9 +44,9 @@ pub fn calibrate_image(
 ///
 /// [`CalibrateError`], where the captures do not determine the camera.
 pub(crate) fn calibrate_image_or_cause(
-    capture: &Capture,
-    options: &CalibrateOptions,
-) -> Result<Calibrated<PosedFrame>, CalibrateError> {
+    capture: &CameraFrames,
+    options: &CameraOptions,
+) -> Result<CalibratedCamera<PosedFrame>, CalibrateError> {
     let result = calibrate_image(capture, options).inspect(hint_at_stretched_board);
     #[cfg(feature = "detect")]
     let result = result.map_err(|error| {
@@ -61,7 +61,7 @@ pub(crate) fn calibrate_image_or_cause(
 }
 
 /// Warns of focal lengths that differ more than those of a camera do: the print is stretched.
-fn hint_at_stretched_board(calibrated: &Calibrated<PosedFrame>) {
+fn hint_at_stretched_board(calibrated: &CalibratedCamera<PosedFrame>) {
     /// Relative difference from which on it is no camera's: pixels of today's sensors are square.
     const STRETCHED: f64 = 0.02;
     let [fx, fy, ..] = calibrated.camera.pinhole();
@@ -78,9 +78,9 @@ fn hint_at_stretched_board(calibrated: &Calibrated<PosedFrame>) {
 
 /// [`calibrate_image`] with the lens model that the options name.
 fn calibrate_image_with_lens(
-    capture: &Capture,
-    options: &CalibrateOptions,
-) -> Result<Calibrated<PosedFrame>, CalibrateError> {
+    capture: &CameraFrames,
+    options: &CameraOptions,
+) -> Result<CalibratedCamera<PosedFrame>, CalibrateError> {
     let _stage = options.progress.stage("image calibration");
     let options = &options.for_board(&capture.target);
     let capture = &without_gross_markers(capture);
@@ -133,9 +133,9 @@ fn calibrate_image_with_lens(
 /// The camera at the mean of the options' prior, with the lens terms free that the prior's units have; `None` where there is no
 /// prior, or where it does not tell pinhole and lens.
 fn prior_camera<F>(
-    capture: &Capture<F>,
+    capture: &CameraFrames<F>,
     lens: &str,
-    options: &CalibrateOptions,
+    options: &CameraOptions,
 ) -> Result<Option<Camera>, CalibrateError> {
     let Some(prior) = &options.prior else { return Ok(None) };
     let pinhole = ["fx", "fy", "cx", "cy"].map(|name| prior.mean_of(&format!("pinhole.{name}")));

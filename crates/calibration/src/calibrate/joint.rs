@@ -2,13 +2,13 @@
 
 use depthcal_model::{Block, Camera, Modulation};
 
+use super::calibrated_camera::CalibratedCamera;
+use super::camera_options::CameraOptions;
 use super::domain::seen;
 use super::error::CalibrateError;
-use super::fitted::Calibrated;
 use super::folds::check_invertible;
 use super::held::hold;
 use super::large_fields::settle_by_node;
-use super::options::CalibrateOptions;
 use super::rules::joint_rules;
 use super::settle::{LEAST_INVERSE_DEPTH_SIGMA, settle};
 use crate::adjust::field_cells;
@@ -17,16 +17,16 @@ use crate::adjust::state::{CameraState, State};
 use crate::observe::board_pixels::BoardPixel;
 use crate::observe::depth_sampling::{plane_deviations, sample_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel, fit_depth_noise};
-use crate::observe::{Capture, PosedFrame, SampledFrame};
+use crate::observe::{CameraFrames, PosedFrame, SampledFrame};
 
 /// Samples the depth of frames with a pose, with the light of their frames where `light` has the frequencies; also returns the
 /// correlation length of the noise, px.
 pub(super) fn sample(
-    capture: Capture<PosedFrame>,
+    capture: CameraFrames<PosedFrame>,
     camera: &Camera,
     light: Option<Modulation>,
-    options: &CalibrateOptions,
-) -> Result<(Capture<SampledFrame>, Option<usize>), CalibrateError> {
+    options: &CameraOptions,
+) -> Result<(CameraFrames<SampledFrame>, Option<usize>), CalibrateError> {
     let _stage = options.progress.stage("sampling depth");
     let (capture, correlation) = sample_depth(capture, camera, options.samples_per_frame, light)?;
     if capture.frames.iter().all(|f| f.samples.is_empty()) {
@@ -38,7 +38,7 @@ pub(super) fn sample(
 /// A camera that was fitted to the images with the depth pieces at their nominal values, and the noise of depth as deviations
 /// from planes show it: the start of a joint adjustment.
 pub(super) fn with_depth_pieces(
-    capture: &Capture<SampledFrame>,
+    capture: &CameraFrames<SampledFrame>,
     mut camera: Camera,
     noise: NoiseModel,
     depth_blocks: Vec<Block>,
@@ -53,27 +53,27 @@ pub(super) fn with_depth_pieces(
 /// Adds the depth pieces to a camera that was fitted to the images, with the noise of its markers, and adjusts everything
 /// jointly.
 pub(super) fn joint(
-    capture: Capture<SampledFrame>,
+    capture: CameraFrames<SampledFrame>,
     correlation_length_px: Option<usize>,
     camera: Camera,
     noise: NoiseModel,
     depth_blocks: Vec<Block>,
-    options: &CalibrateOptions,
-) -> Result<Calibrated, CalibrateError> {
+    options: &CameraOptions,
+) -> Result<CalibratedCamera, CalibrateError> {
     let (camera, noise) = with_depth_pieces(&capture, camera, noise, depth_blocks);
     let result = adjust_samples(capture, camera, noise, None, options)?;
-    Ok(Calibrated { correlation_length_px, ..result })
+    Ok(CalibratedCamera { correlation_length_px, ..result })
 }
 
 /// Adjusts a camera with depth pieces to sampled frames. Where `earlier` is given, the search for the roughness of fields starts
 /// from the values of this fit.
 pub(super) fn adjust_samples(
-    capture: Capture<SampledFrame>,
+    capture: CameraFrames<SampledFrame>,
     camera: Camera,
     noise: NoiseModel,
     earlier: Option<&Smoothness>,
-    options: &CalibrateOptions,
-) -> Result<Calibrated, CalibrateError> {
+    options: &CameraOptions,
+) -> Result<CalibratedCamera, CalibrateError> {
     let _stage = options.progress.stage("joint adjustment");
     // The pinhole has its value from the images already.
     let camera = hold(&hold_untouched(&camera, &capture), &options.held, true);
@@ -93,7 +93,7 @@ pub(super) fn adjust_samples(
 }
 
 /// Depth noise to start with: deviations from a plane of each frame's own.
-fn depth_noise_from_planes(capture: &Capture<SampledFrame>) -> DepthNoise {
+fn depth_noise_from_planes(capture: &CameraFrames<SampledFrame>) -> DepthNoise {
     let mut samples = Vec::new();
     for frame in &capture.frames {
         let pixels: Vec<_> = frame

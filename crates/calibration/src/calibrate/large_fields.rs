@@ -9,10 +9,10 @@ use std::sync::Arc;
 
 use depthcal_model::Camera;
 
+use super::calibrated_camera::CalibratedCamera;
+use super::camera_options::CameraOptions;
 use super::error::CalibrateError;
-use super::fitted::Calibrated;
-use super::options::CalibrateOptions;
-use super::rules::{Freedom, Rules, joint_rules};
+use super::rules::{joint_rules, rules_by_node};
 use super::settle::settle;
 use crate::adjust::field_cells;
 use crate::adjust::smoothness_prior::{Smoothness, hold_untouched};
@@ -21,8 +21,6 @@ use crate::observe::SampledFrame;
 
 /// Depth samples of a frame from which the roughness of a large field is chosen.
 const COARSE_SAMPLES: usize = 800;
-/// Relative change of the noise below which a large field is not adjusted again.
-const NOISE_SETTLED: f64 = 0.1;
 
 /// Adjusts a camera with fields of very many nodes. `coarse` is the camera with coarse fields, `factors` says for every
 /// block how much farther apart the nodes of its coarse field are.
@@ -30,8 +28,8 @@ pub(super) fn settle_by_node(
     start: CameraState<SampledFrame>,
     coarse: &Camera,
     factors: &[f64],
-    options: &CalibrateOptions,
-) -> Result<Calibrated, CalibrateError> {
+    options: &CameraOptions,
+) -> Result<CalibratedCamera, CalibrateError> {
     let CameraState { mut capture, camera, noise, prior, .. } = start;
     let mut thin = capture.clone();
     for frame in &mut thin.frames {
@@ -62,13 +60,6 @@ pub(super) fn settle_by_node(
     let poses: Vec<_> = first.capture.poses().collect();
     capture.set_poses(&poses);
     let nodes = smoothness.fields.iter().map(|f| f.nodes).sum();
-    let rules = Rules {
-        freedom: Freedom::Counted(nodes),
-        last_to_drop: 1,
-        depth_noise_settled: NOISE_SETTLED,
-        chooses_smoothness: false,
-        ..joint_rules()
-    };
     let start = CameraState { smoothness, prior, ..CameraState::reference(capture, camera, first.noise) };
-    Ok(settle(State::of_camera(start), &rules, options)?.only_camera(options))
+    Ok(settle(State::of_camera(start), &rules_by_node(nodes), options)?.only_camera(options))
 }

@@ -11,10 +11,10 @@ use depthcal_model::chain::{POSE, Workspace};
 use nalgebra::{DMatrix, DVector, Isometry3, Translation3};
 use tracing::{info, warn};
 
+use super::calibrated_camera::CalibratedCamera;
+use super::camera_options::CameraOptions;
 use super::error::CalibrateError;
-use super::fitted::Calibrated;
 use super::lens_order::{BROWN_CONRADY, LensCandidate, LensChoice, LensOrder};
-use super::options::CalibrateOptions;
 use super::rules::Rules;
 use super::settle::settle;
 use crate::adjust::adjustment::Adjustment;
@@ -41,8 +41,8 @@ const RAY_DEPTH_MM: f64 = 1000.0;
 pub(super) fn settle_with_chosen_lens(
     start: &CameraState<PosedFrame>,
     rules: &Rules<'_, PosedFrame>,
-    options: &CalibrateOptions,
-) -> Result<Calibrated<PosedFrame>, CalibrateError> {
+    options: &CameraOptions,
+) -> Result<CalibratedCamera<PosedFrame>, CalibrateError> {
     let orders = distinct_orders(&start.camera);
     // The highest order that can be fitted at all.
     let mut place = orders.len();
@@ -57,7 +57,7 @@ pub(super) fn settle_with_chosen_lens(
     };
     let uncertain_px = corner_deviation_px(&fit);
     if place == 0 || (place + 1 == orders.len() && uncertain_px <= DETERMINED_PX) {
-        return Ok(Calibrated { lens_choice: None, ..fit });
+        return Ok(CalibratedCamera { lens_choice: None, ..fit });
     }
     let compared = compare_orders(&fit, &orders[..=place]);
     let chosen = choose(&compared);
@@ -75,16 +75,16 @@ pub(super) fn settle_with_chosen_lens(
         );
     }
     if chosen == place {
-        return Ok(Calibrated { lens_choice: choice, ..fit });
+        return Ok(CalibratedCamera { lens_choice: choice, ..fit });
     }
     let camera = orders[chosen].of_camera(&compared[chosen].camera);
     let lower =
         CameraState { prior: start.prior.clone(), ..CameraState::reference(fit.capture.clone(), camera, fit.noise) };
     match settle(State::of_camera(lower), rules, options) {
-        Ok(lower) => Ok(Calibrated { lens_choice: choice, ..lower.only_camera(options) }),
+        Ok(lower) => Ok(CalibratedCamera { lens_choice: choice, ..lower.only_camera(options) }),
         Err(error) => {
             warn!("lens {}: {error}; {} is fitted", orders[chosen], orders[place]);
-            Ok(Calibrated { lens_choice: None, ..fit })
+            Ok(CalibratedCamera { lens_choice: None, ..fit })
         }
     }
 }
@@ -119,7 +119,7 @@ pub(super) fn one_to_one(camera: &Camera) -> bool {
 
 /// Largest standard deviation, over the border of the image, of the place at which a ray meets the image, px: from the joint
 /// covariance of lens and pinhole. Infinite where the lens has no inverse there.
-fn corner_deviation_px(fit: &Calibrated<PosedFrame>) -> f64 {
+fn corner_deviation_px(fit: &CalibratedCamera<PosedFrame>) -> f64 {
     let camera = fit.camera.filtered(|b| !is_depth_only(b));
     let rays: Result<Vec<[f64; 2]>, _> = border(&camera).map(|pixel| camera.ray(pixel, 1.0 / RAY_DEPTH_MM)).collect();
     let (Ok(rays), Some(covariance)) = (rays, &fit.covariance) else { return f64::INFINITY };
@@ -149,7 +149,7 @@ struct Compared {
 }
 
 /// The orders on left-out frames, by the adjustment linearised at the fit of the highest: the lens is linear in its parameters.
-fn compare_orders(fit: &Calibrated<PosedFrame>, orders: &[LensOrder]) -> Vec<Compared> {
+fn compare_orders(fit: &CalibratedCamera<PosedFrame>, orders: &[LensOrder]) -> Vec<Compared> {
     let adjustment = Adjustment::new(&fit.capture, &fit.camera, &fit.noise, false);
     let frames = adjustment.frame_information(Curvature::OfWeights);
     let present: Vec<f64> = (0..frames.len())

@@ -9,13 +9,13 @@ use depthcal_model::Camera;
 use rayon::prelude::*;
 use tracing::info;
 
+use super::calibrated_camera::CalibratedCamera;
+use super::camera_options::CameraOptions;
 use super::error::CalibrateError;
-use super::fitted::Calibrated;
 use super::frame_checks::markers_of;
 use super::lens_choice::one_to_one;
-use super::options::CalibrateOptions;
 use crate::adjust::smoothness_selection::errors_worse;
-use crate::observe::{Capture, PosedFrame};
+use crate::observe::{CameraFrames, PosedFrame};
 use crate::start::{LensModel, estimate_pose, lens_models};
 
 /// Value of `--lens` that asks for a comparison.
@@ -26,7 +26,8 @@ const FOLDS: usize = 5;
 const EQUAL_STANDARD_ERRORS: f64 = 1.0;
 
 /// Fits one lens model to a capture.
-type Fit<'a> = dyn Fn(&Capture, &CalibrateOptions) -> Result<Calibrated<PosedFrame>, CalibrateError> + Sync + 'a;
+type Fit<'a> =
+    dyn Fn(&CameraFrames, &CameraOptions) -> Result<CalibratedCamera<PosedFrame>, CalibrateError> + Sync + 'a;
 
 /// The calibration with the lens that is chosen on left-out frames, and the comparison in it. `fit` calibrates from images with
 /// the lens of its options.
@@ -35,12 +36,12 @@ type Fit<'a> = dyn Fn(&Capture, &CalibrateOptions) -> Result<Calibrated<PosedFra
 ///
 /// That of the last lens model, where none can be fitted.
 pub(super) fn fit_best_lens(
-    capture: &Capture,
-    options: &CalibrateOptions,
+    capture: &CameraFrames,
+    options: &CameraOptions,
     fit: &Fit<'_>,
-) -> Result<Calibrated<PosedFrame>, CalibrateError> {
+) -> Result<CalibratedCamera<PosedFrame>, CalibrateError> {
     let _stage = options.progress.stage("comparison of lenses");
-    let with_lens = |model: &LensModel| CalibrateOptions { lens: model.name.to_owned(), ..options.clone() };
+    let with_lens = |model: &LensModel| CameraOptions { lens: model.name.to_owned(), ..options.clone() };
     let models = lens_models(&options.register);
     let fits: Vec<_> = models.par_iter().map(|model| fit(capture, &with_lens(model))).collect();
     // Frames and markers that the best fit did not take for misdetected: the same for all.
@@ -65,18 +66,18 @@ pub(super) fn fit_best_lens(
     info!("{}", in_words(&comparison));
     let place = models.iter().position(|m| m.name == comparison.chosen).unwrap_or(0);
     let chosen = fits.into_iter().nth(place).unwrap_or_else(|| fit(capture, &with_lens(&models[place])))?;
-    Ok(Calibrated { lens_comparison: Some(comparison), ..chosen })
+    Ok(CalibratedCamera { lens_comparison: Some(comparison), ..chosen })
 }
 
 /// Squared reprojection error (px²) of every frame under cameras that were fitted without it, frame by frame.
 fn held_out_costs(
-    capture: &Capture,
+    capture: &CameraFrames,
     camera: &Camera,
-    options: &CalibrateOptions,
+    options: &CameraOptions,
     fit: &Fit<'_>,
 ) -> Result<Vec<f64>, String> {
     let folds = FOLDS.min(capture.frames.len());
-    let options = CalibrateOptions { camera: Some(camera.clone()), ..options.clone() };
+    let options = CameraOptions { camera: Some(camera.clone()), ..options.clone() };
     let cameras: Result<Vec<Camera>, String> = (0..folds)
         .into_par_iter()
         .map(|fold| match fit(&capture.subset(|i, _| i % folds != fold), &options) {
@@ -97,7 +98,7 @@ fn held_out_costs(
 fn compared(
     models: &[LensModel],
     costs: &[Result<Vec<f64>, String>],
-    fits: &[Result<Calibrated<PosedFrame>, CalibrateError>],
+    fits: &[Result<CalibratedCamera<PosedFrame>, CalibrateError>],
     markers: usize,
 ) -> LensComparison {
     let sum = |costs: &[f64]| costs.iter().sum::<f64>();

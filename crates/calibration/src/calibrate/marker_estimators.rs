@@ -4,9 +4,9 @@ use depthcal_model::Block;
 use depthcal_statistics::{Thinning, rms};
 use nalgebra::Vector4;
 
+use super::calibrated_camera::CalibratedCamera;
+use super::camera_options::Estimator;
 use super::error::CalibrateError;
-use super::fitted::Calibrated;
-use super::options::Estimator;
 use crate::estimators::{EstimatorError, MarkerPoint, irls, linear, marker_points, nonlinear};
 use crate::observe::board_pixels::board_pixels;
 use crate::observe::board_region::BoardRegion;
@@ -19,10 +19,10 @@ use crate::observe::{PixelRays, PosedFrame};
 ///
 /// [`CalibrateError`] of the estimator, or where a depth image has become unreadable.
 pub(super) fn estimate(
-    from_image: Calibrated<PosedFrame>,
+    from_image: CalibratedCamera<PosedFrame>,
     depth_blocks: Vec<Block>,
     estimator: Estimator,
-) -> Result<Calibrated, CalibrateError> {
+) -> Result<CalibratedCamera, CalibrateError> {
     let mut result = from_image.without_samples();
     result.estimator = estimator;
     let model = depth_blocks.iter().map(|b| b.name()).collect::<Vec<_>>().join("+");

@@ -1,12 +1,16 @@
 //! From detected boards to a calibrated depth camera.
 
+mod calibrated;
+mod calibrated_camera;
+mod camera;
+mod camera_options;
 mod checked_sample;
+mod contradiction;
 mod depth_scale;
 mod domain;
 mod driver;
 mod error;
 mod explanation;
-mod fitted;
 mod folds;
 mod foreign_depth;
 mod frame_checks;
@@ -28,7 +32,7 @@ mod options;
 mod parameter_names;
 mod readjust;
 mod residuals;
-pub mod rig;
+mod rig;
 mod rig_contradiction;
 mod rounds;
 mod rules;
@@ -39,11 +43,16 @@ mod undetermined;
 #[cfg(test)]
 mod wide_lens_tests;
 
+pub use calibrated::{Calibrated, CameraFit, TimeOffset};
+pub use calibrated_camera::CalibratedCamera;
+pub(crate) use camera::light_of_samples;
+pub use camera::{calibrate_camera, calibrate_depth, calibrate_keeping_samples, prepare_depth};
+pub use camera_options::{CameraOptions, Estimator};
+pub(crate) use contradiction::check_evidence;
 pub use depth_scale::{ImplausibleScale, PLAUSIBLE_SCALE_DEVIATION, implausible_scale};
-pub(crate) use driver::light_of_samples;
-pub use driver::{calibrate, calibrate_depth, calibrate_keeping_samples, prepare_depth};
+pub use driver::calibrate;
+pub(crate) use driver::fit;
 pub use error::CalibrateError;
-pub use fitted::Calibrated;
 pub use folds::check_invertible;
 pub use foreign_depth::ForeignDepth;
 pub use frame_scatter::with_frame_scatter;
@@ -53,7 +62,7 @@ pub(crate) use image::calibrate_image_or_cause;
 pub use lens_comparison::AUTO;
 pub use lens_order::{LensCandidate, LensChoice, LensOrder, lens_named};
 pub use model_blocks::image_blocks;
-pub use options::{CalibrateOptions, Estimator};
+pub use options::{CalibrateOptions, EffectOf, HeldOf};
 pub use parameter_names::parameter_names;
 pub use readjust::{has_fields, readjust};
 pub use rig_contradiction::RigContradiction;

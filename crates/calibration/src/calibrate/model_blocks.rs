@@ -2,7 +2,7 @@
 
 use depthcal_model::{Block, RegisterError};
 
-use super::options::CalibrateOptions;
+use super::camera_options::CameraOptions;
 use crate::adjust::blocks::is_depth_only;
 
 /// Effects that depth alone shows, and the depth model. Effects are the sensor's and act on the true depth; the depth model, like
@@ -11,7 +11,7 @@ use crate::adjust::blocks::is_depth_only;
 /// # Errors
 ///
 /// [`RegisterError`] where a piece is unknown.
-pub(super) fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, RegisterError> {
+pub(super) fn depth_blocks(options: &CameraOptions) -> Result<Vec<Block>, RegisterError> {
     let mut blocks = effects(options, is_depth_only)?;
     blocks.extend(options.register.depth_blocks(&options.model)?);
     Ok(blocks)
@@ -22,11 +22,11 @@ pub(super) fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, Reg
 /// # Errors
 ///
 /// [`RegisterError`] where one is unknown.
-pub fn image_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, RegisterError> {
+pub fn image_blocks(options: &CameraOptions) -> Result<Vec<Block>, RegisterError> {
     effects(options, |block| !is_depth_only(block))
 }
 
-fn effects(options: &CalibrateOptions, wanted: impl Fn(&Block) -> bool) -> Result<Vec<Block>, RegisterError> {
+fn effects(options: &CameraOptions, wanted: impl Fn(&Block) -> bool) -> Result<Vec<Block>, RegisterError> {
     let mut blocks = Vec::new();
     for effect in &options.effects {
         let block = options.register.make(effect, None)?;

@@ -1,104 +1,89 @@
-//! Options of a calibration: models, start values, held parameters and estimator.
+//! Options of a capture's calibration.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use depthcal_model::{Camera, ModelSpec, PieceSpec, Register, Target};
+use depthcal_model::{ModelSpec, PieceSpec, Register};
 
+use super::camera_options::CameraOptions;
+use super::error::CalibrateError;
 use super::held::HeldParameter;
-use crate::adjust::FieldThresholds;
+use crate::adjust::blocks::is_depth_only;
 use crate::adjust::camera_prior::CameraPrior;
-use crate::progress::ProgressHandle;
+use crate::observe::{CameraCapture, PlaceDrift};
 
-/// How the depth model is estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Estimator {
-    /// Everything in one adjustment.
-    #[default]
-    Joint,
-    /// D by linear least squares, camera and poses from the images (thesis eq. 4.14).
-    Linear,
-    /// D by iteratively reweighted least squares (4.16, 4.17).
-    Irls,
-    /// D by minimising distances in space (4.18).
-    Nonlinear,
-}
-
-impl Estimator {
-    /// Name on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Estimator::Joint => "joint",
-            Estimator::Linear => "linear",
-            Estimator::Irls => "irls",
-            Estimator::Nonlinear => "nonlinear",
-        }
-    }
-}
-
-/// Options of a calibration: models, start values, held parameters and estimator.
+/// An effect of one camera, or of all.
 #[derive(Debug, Clone)]
+pub struct EffectOf {
+    /// The camera; `None` for all that can have it.
+    pub camera: Option<String>,
+    /// The effect.
+    pub effect: PieceSpec,
+}
+
+/// A held parameter of one camera, or of all.
+#[derive(Debug, Clone)]
+pub struct HeldOf {
+    /// The camera; `None` for all.
+    pub camera: Option<String>,
+    /// The parameter.
+    pub parameter: HeldParameter,
+}
+
+/// Options of a capture's calibration.
+#[derive(Debug, Clone, Default)]
 pub struct CalibrateOptions {
-    /// Depth model.
-    pub model: ModelSpec,
-    /// Further effects, at whatever hook they act; those of depth act before the depth model.
-    pub effects: Vec<PieceSpec>,
-    /// Parameters that are held at their nominal values.
-    pub held: Vec<HeldParameter>,
-    /// Lens model: one of [`lens_models`](crate::start::lens_models); `auto`, which compares these; or `brown-conrady:ORDER` with
-    /// the name of a [`LensOrder`](super::LensOrder). The order of `brown-conrady` is chosen where the markers do not determine
-    /// it over the whole image.
-    pub lens: String,
-    /// How the depth model is estimated.
-    pub estimator: Estimator,
-    /// Most depth pixels of a frame that enter the adjustment.
-    pub samples_per_frame: usize,
-    /// Whether depth samples have what any piece of the register needs, not only those of the model: for a search for missing
-    /// effects.
-    pub samples_for_search: bool,
-    /// Whether every frame may have a plane of its own that is added to its depth. The variance of these planes is then
-    /// estimated, and the weight of depth relative to the markers is lowered accordingly, if that predicts left-out frames
-    /// better. Not used for models with fields, which describe such planes themselves.
-    pub frame_planes: bool,
-    /// A camera to start from, or, where its parameters are held, to keep.
-    pub camera: Option<Camera>,
-    /// A prior of the camera's parameters from other units of its type. Without a camera to start from, the fit starts at its
-    /// mean, so that few frames are enough.
-    pub prior: Option<Arc<CameraPrior>>,
-    /// The pieces that names may mean.
-    pub register: Register,
-    /// Most rounds in which the smoothness of fields and the noise are chosen in turn.
-    pub smoothness_rounds: usize,
-    /// Thresholds of the rules that choose the smoothness of fields.
-    pub field_thresholds: FieldThresholds,
-    /// Receives progress.
-    pub progress: ProgressHandle,
+    /// Options of every camera: depth model, register, lens unless the dataset declares one. Its effects, held parameters and
+    /// camera are not used.
+    pub each: CameraOptions,
+    /// The lens of every camera, whatever the dataset declares.
+    pub lens: Option<String>,
+    /// Effects of single cameras or of all.
+    pub effects: Vec<EffectOf>,
+    /// Held parameters of single cameras or of all.
+    pub held: Vec<HeldOf>,
+    /// Registers of single cameras, instead of that of [`each`](Self::each): two cameras may have different formulas of one name.
+    pub registers: BTreeMap<String, Register>,
+    /// Priors of single cameras from other units of their types.
+    pub priors: Vec<(String, Arc<CameraPrior>)>,
+    /// Cameras whose place changes with time or temperature, and how; the change is where the fit starts.
+    pub drifts: Vec<(String, PlaceDrift)>,
+    /// Cameras, but the reference, that expose at other moments than their times say: by how much is estimated, from frames in
+    /// which the board moves.
+    pub time_offsets: Vec<String>,
 }
 
 impl CalibrateOptions {
-    /// These options with a register that knows the board ([`Register::for_board`]).
-    #[must_use]
-    pub fn for_board(&self, target: &Target) -> Self {
-        Self { register: self.register.clone().for_board(target), ..self.clone() }
-    }
-}
-
-impl Default for CalibrateOptions {
-    fn default() -> Self {
-        Self {
-            model: ModelSpec::of(PieceSpec::new("projective")),
-            effects: Vec::new(),
-            held: Vec::new(),
-            lens: "brown-conrady".to_owned(),
-            estimator: Estimator::Joint,
-            samples_per_frame: 800,
-            samples_for_search: false,
-            frame_planes: true,
-            camera: None,
-            prior: None,
-            register: Register::builtin(),
-            smoothness_rounds: 6,
-            field_thresholds: FieldThresholds::default(),
-            progress: ProgressHandle::default(),
+    /// Options for one camera of several. A camera without depth has, of model and effects for all, those that images show.
+    ///
+    /// # Errors
+    ///
+    /// [`CalibrateError::Camera`] where an effect is unknown.
+    pub fn of(&self, camera: &CameraCapture) -> Result<CameraOptions, CalibrateError> {
+        let mut options = self.of_only(camera);
+        if !camera.capture.has_depth() {
+            options.model = ModelSpec::none();
+            let mut image_effects = Vec::new();
+            for effect in std::mem::take(&mut options.effects) {
+                let block = options.register.make(&effect, None);
+                let block = block.map_err(|e| CalibrateError::of_camera(&camera.name)(e.into()))?;
+                if !is_depth_only(&block) {
+                    image_effects.push(effect);
+                }
+            }
+            options.effects = image_effects;
         }
+        Ok(options)
+    }
+
+    /// Options for a camera that is alone.
+    pub fn of_only(&self, camera: &CameraCapture) -> CameraOptions {
+        let concerns = |name: &Option<String>| name.as_ref().is_none_or(|name| *name == camera.name);
+        let prior = self.priors.iter().find(|(name, _)| *name == camera.name).map(|(_, prior)| prior.clone());
+        let lens = self.lens.as_ref().or(camera.lens.as_ref()).unwrap_or(&self.each.lens).clone();
+        let effects = self.effects.iter().filter(|e| concerns(&e.camera)).map(|e| e.effect.clone()).collect();
+        let held = self.held.iter().filter(|held| concerns(&held.camera)).map(|held| held.parameter.clone()).collect();
+        let register = self.registers.get(&camera.name).unwrap_or(&self.each.register).clone();
+        CameraOptions { camera: camera.declared.clone(), prior, lens, effects, held, register, ..self.each.clone() }
     }
 }

@@ -3,14 +3,14 @@
 
 use depthcal_model::{Block, Camera, RegisterError, Role};
 
+use super::calibrated_camera::CalibratedCamera;
+use super::camera_options::CameraOptions;
 use super::domain::seen;
 use super::error::CalibrateError;
-use super::fitted::Calibrated;
 use super::joint::adjust_samples;
 use super::model_blocks::{depth_blocks, image_blocks};
-use super::options::CalibrateOptions;
 use crate::adjust::blocks::is_depth_only;
-use crate::observe::{Capture, SampledFrame};
+use crate::observe::{CameraFrames, SampledFrame};
 
 /// Adjusts the model of `options` jointly to sampled frames, from the camera, poses and noise of `start`. The optimum does not
 /// depend on the start; what does is only how many iterations lead there.
@@ -19,10 +19,10 @@ use crate::observe::{Capture, SampledFrame};
 ///
 /// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
 pub fn readjust(
-    start: &Calibrated,
-    mut capture: Capture<SampledFrame>,
-    options: &CalibrateOptions,
-) -> Result<Calibrated, CalibrateError> {
+    start: &CalibratedCamera,
+    mut capture: CameraFrames<SampledFrame>,
+    options: &CameraOptions,
+) -> Result<CalibratedCamera, CalibrateError> {
     for frame in &mut capture.frames {
         let fitted = start.capture.frames.iter().find(|f| f.name == frame.name);
         if let Some(fitted) = fitted {
@@ -46,7 +46,7 @@ pub fn readjust(
 /// # Errors
 ///
 /// [`RegisterError`] where a piece of the model is unknown.
-pub fn has_fields(options: &CalibrateOptions) -> Result<bool, RegisterError> {
+pub fn has_fields(options: &CameraOptions) -> Result<bool, RegisterError> {
     Ok(depth_blocks(options)?.iter().any(|b| b.piece().is_some_and(|p| p.field().is_some())))
 }
 
@@ -54,8 +54,8 @@ pub fn has_fields(options: &CalibrateOptions) -> Result<bool, RegisterError> {
 /// both have keep their values.
 fn with_model(
     camera: &Camera,
-    capture: &Capture<SampledFrame>,
-    options: &CalibrateOptions,
+    capture: &CameraFrames<SampledFrame>,
+    options: &CameraOptions,
 ) -> Result<Camera, RegisterError> {
     let options = &options.for_board(&capture.target);
     let domain = seen(capture);

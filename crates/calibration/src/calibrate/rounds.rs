@@ -1,10 +1,11 @@
 //! The rounds of [`settle`](super::settle::settle): their number, and the planes of frames, which decide how much depth weighs.
 
-use super::options::CalibrateOptions;
+use super::camera_options::CameraOptions;
 use super::rules::{Attempt, Rules};
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::depth_weight::less_predicts_better;
 use crate::adjust::plane_scatter::plane_scatter;
+use crate::adjust::smoothness_prior::Smoothness;
 use crate::adjust::state::State;
 use crate::observe::AdjustableFrame;
 use crate::observe::noise::{NoiseModel, PlaneScatter};
@@ -23,6 +24,8 @@ pub(super) struct Rounds {
     pub chooses_smoothness: bool,
     repairs: usize,
     planes: Vec<FramePlanes>,
+    /// Of every camera, whether its fields were flat in an earlier round, and were not left so.
+    left_flat: Vec<bool>,
 }
 
 /// The planes of a camera's frames.
@@ -35,10 +38,10 @@ struct FramePlanes {
 
 impl Rounds {
     /// The rounds of a state that has not been adjusted.
-    pub fn new<F: AdjustableFrame>(state: &State<F>, rules: &Rules<'_, F>, options: &CalibrateOptions) -> Self {
+    pub fn new<F: AdjustableFrame>(state: &State<F>, rules: &Rules<'_, F>, options: &CameraOptions) -> Self {
         let has_fields = |number: usize| !state.cameras[number].smoothness.fields.is_empty();
         // The choice of smoothness and the noise depend on each other.
-        let chooses_smoothness = rules.chooses_smoothness && state.cameras.len() == 1 && has_fields(0);
+        let chooses_smoothness = rules.chooses_smoothness && (0..state.cameras.len()).any(has_fields);
         let most =
             if chooses_smoothness { rules.most_rounds.max(options.smoothness_rounds) } else { rules.most_rounds };
         // What a field leaves over while it is too smooth is no scatter of the frames, but would keep it smooth if it counted as
@@ -55,7 +58,9 @@ impl Rounds {
             },
             scatter: PlaneScatter::NONE,
         };
-        Self { number: 0, most, chooses_smoothness, repairs: 0, planes: (0..state.cameras.len()).map(planes).collect() }
+        let planes = (0..state.cameras.len()).map(planes).collect();
+        let left_flat = vec![false; state.cameras.len()];
+        Self { number: 0, most, chooses_smoothness, repairs: 0, planes, left_flat }
     }
 
     /// How often was adjusted.
@@ -66,6 +71,14 @@ impl Rounds {
     /// The round begins anew after a repair: such rounds estimate no noise and do not count.
     pub fn begin_anew(&mut self) {
         (self.number, self.repairs) = (self.number - 1, self.repairs + 1);
+    }
+
+    /// Whether fields that once were flat, and had to be left so on the evidence of held-out frames, would be flat again. While they
+    /// are flat, poses take up what they explain; with the right poses again, frames that the others do not determine may speak
+    /// for flat ones, and the choice would go round in a circle.
+    pub fn is_flat_again(&mut self, camera: usize, present: &Smoothness, chosen: &Smoothness) -> bool {
+        self.left_flat[camera] |= present.is_flat() && !chosen.is_flat();
+        self.left_flat[camera] && chosen.is_flat()
     }
 
     /// Measures the scatter of the planes of those cameras whose depth weighs less for it.

@@ -10,6 +10,9 @@ pub(super) const ROUNDS: usize = 4;
 /// Relative change of a standard deviation below which the noise has settled.
 pub(super) const NOISE_SETTLED: f64 = 0.01;
 
+/// Relative change of the noise below which a large field is not adjusted again.
+const NOISE_SETTLED_BY_NODE: f64 = 0.1;
+
 /// How degrees of freedom are counted where variances are estimated from residuals.
 pub(super) enum Freedom {
     /// From the covariance of the parameters: n − tr(J Σ Jᵀ).
@@ -44,10 +47,21 @@ pub(super) struct Rules<'a, F> {
     pub most_rounds: usize,
     /// Relative change of the depth noise below which it has settled.
     pub depth_noise_settled: f64,
-    /// Whether the smoothness of the only camera's fields is chosen from the data.
+    /// Whether the smoothness of fields is chosen from the data.
     pub chooses_smoothness: bool,
     /// Mends the state first in each round; `None` where there is nothing to mend.
     pub repair: Option<Repair<'a, F>>,
+}
+
+/// The rules of a joint adjustment in which the nodes of fields, so many, are variables of their own. Their smoothness is known.
+pub(super) fn rules_by_node<'a>(nodes: usize) -> Rules<'a, SampledFrame> {
+    Rules {
+        freedom: Freedom::Counted(nodes),
+        last_to_drop: 1,
+        depth_noise_settled: NOISE_SETTLED_BY_NODE,
+        chooses_smoothness: false,
+        ..joint_rules()
+    }
 }
 
 /// The rules of a joint adjustment whose covariance can be had.

@@ -2,12 +2,12 @@
 
 use depthcal_model::{Block, needed_light};
 
+use super::calibrated_camera::CalibratedCamera;
+use super::camera_options::CameraOptions;
 use super::error::CalibrateError;
-use super::fitted::Calibrated;
 use super::frame_checks::posed;
 use super::joint::sample;
-use super::options::CalibrateOptions;
-use crate::observe::Capture;
+use crate::observe::CameraFrames;
 
 /// A fit with the frames of another capture instead of its own: their poses are those of their markers, their depth is sampled as
 /// `options` say. Nothing is adjusted; covariance and noise are those of the fit.
@@ -16,11 +16,11 @@ use crate::observe::Capture;
 ///
 /// [`CalibrateError`] where no frame shows depth on the board, or an image has become unreadable.
 pub fn sampled_under(
-    fit: &Calibrated,
-    capture: &Capture,
-    options: &CalibrateOptions,
-) -> Result<Calibrated, CalibrateError> {
+    fit: &CalibratedCamera,
+    capture: &CameraFrames,
+    options: &CameraOptions,
+) -> Result<CalibratedCamera, CalibrateError> {
     let light = needed_light(fit.camera.blocks().iter().filter_map(Block::piece).map(|piece| &**piece));
     let (capture, _) = sample(posed(capture, &fit.camera), &fit.camera, light, options)?;
-    Ok(Calibrated { capture, ..fit.clone() })
+    Ok(CalibratedCamera { capture, ..fit.clone() })
 }

@@ -3,11 +3,11 @@
 
 use depthcal_solver::Covariance;
 use nalgebra::DMatrix;
-use tracing::debug;
+use tracing::{debug, info};
 
+use super::camera_options::CameraOptions;
 use super::error::CalibrateError;
 use super::explanation::explained;
-use super::options::CalibrateOptions;
 use super::residuals::{DepthResidual, depth_residuals, drop_outliers};
 use super::rounds::Rounds;
 use super::rules::{Attempt, Freedom, NOISE_SETTLED, Rules};
@@ -54,7 +54,7 @@ pub(super) struct Settled<F> {
 pub(super) fn settle<F: AdjustableFrame>(
     mut state: State<F>,
     rules: &Rules<'_, F>,
-    options: &CalibrateOptions,
+    options: &CameraOptions,
 ) -> Result<Settled<F>, CalibrateError> {
     let mut rounds = Rounds::new(&state, rules, options);
     loop {
@@ -84,10 +84,13 @@ pub(super) fn settle<F: AdjustableFrame>(
             let parts = (&adjustment, &adjusted.cameras[number], covariance.as_ref());
             settled &= update_noise(&mut state, number, parts, rules, &rounds);
         }
-        settled &= choose_smoothness(&mut state, &adjustment, &rounds);
+        settled &= choose_smoothness(&mut state, &adjustment, &mut rounds);
         if settled || rounds.number >= rounds.most {
             if !adjusted.has_converged() {
                 return Err(CalibrateError::NotConverged { reason: adjusted.report.termination.to_string() });
+            }
+            if rounds.chooses_smoothness && rounds.number >= rounds.most {
+                info!("the smoothness of the fields has not settled after {} rounds", rounds.number);
             }
             if rounds.decide_depth_weights(&mut state, &weighted_by, &adjustment) {
                 continue;
@@ -174,15 +177,25 @@ fn has_settled(used: &NoiseModel, new: &NoiseModel, residuals: &[DepthResidual],
         && residuals.iter().all(|r| change(new.depth.sigma(r.rho), used.depth.sigma(r.rho)) < depth_tolerance)
 }
 
-/// Chooses the smoothness of the only camera's fields where it is chosen from the data; whether it has settled.
-fn choose_smoothness<F: AdjustableFrame>(state: &mut State<F>, adjustment: &Adjustment, rounds: &Rounds) -> bool {
-    let (true, [camera]) = (rounds.chooses_smoothness && rounds.number < rounds.most, &mut state.cameras[..]) else {
+/// Chooses the smoothness of all fields where it is chosen from the data; whether it has settled.
+fn choose_smoothness<F: AdjustableFrame>(state: &mut State<F>, adjustment: &Adjustment, rounds: &mut Rounds) -> bool {
+    if !rounds.chooses_smoothness || rounds.number >= rounds.most {
         return true;
-    };
-    let frames = adjustment.frame_information(Curvature::OfWeights);
-    let chosen = smoothness_selection::choose(&camera.camera, &camera.smoothness, &frames);
-    let settled = chosen.close_to(&camera.smoothness);
-    camera.smoothness = chosen;
+    }
+    let mut settled = true;
+    for number in 0..state.cameras.len() {
+        let camera = &mut state.cameras[number];
+        if camera.smoothness.fields.is_empty() {
+            continue;
+        }
+        let frames = adjustment.frame_information_of_camera(number, Curvature::OfWeights);
+        let chosen = smoothness_selection::choose(&camera.camera, &camera.smoothness, &frames);
+        if rounds.is_flat_again(number, &camera.smoothness, &chosen) {
+            continue;
+        }
+        settled &= chosen.close_to(&camera.smoothness);
+        camera.smoothness = chosen;
+    }
     settled
 }
 

@@ -2,20 +2,20 @@
 
 use depthcal_statistics::rms;
 
-use super::fitted::Calibrated;
-use super::options::CalibrateOptions;
+use super::calibrated_camera::CalibratedCamera;
+use super::camera_options::CameraOptions;
 use super::residuals::depth_residuals;
 use super::settle::Settled;
 use crate::observe::AdjustableFrame;
 
 impl<F: AdjustableFrame> Settled<F> {
     /// The only camera of the adjustment.
-    pub fn only_camera(self, options: &CalibrateOptions) -> Calibrated<F> {
+    pub fn only_camera(self, options: &CameraOptions) -> CalibratedCamera<F> {
         self.camera(0, options)
     }
 
     /// A camera's part, as if it had been calibrated alone.
-    pub fn camera(&self, number: usize, options: &CalibrateOptions) -> Calibrated<F> {
+    pub fn camera(&self, number: usize, options: &CameraOptions) -> CalibratedCamera<F> {
         let (camera, adjusted) = (&self.state.cameras[number], &self.adjusted.cameras[number]);
         let blocks = self.state.parameter_rows()[number].blocks.clone();
         let covariance = self
@@ -24,7 +24,7 @@ impl<F: AdjustableFrame> Settled<F> {
             .map(|covariance| covariance.view((blocks.start, blocks.start), (blocks.len(), blocks.len())).into_owned());
         let with_depth = self.with_depth && camera.has_depth();
         let depth = || depth_residuals(camera, adjusted).into_iter().map(|r| r.depth_mm);
-        Calibrated {
+        CalibratedCamera {
             covariance,
             foreign_depth: Vec::new(),
             noise: camera.noise,

@@ -5,18 +5,18 @@ use depthcal_model::{Context, ModelSpec, Parameter, Piece, Register, Role, Scala
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 
 use super::*;
-use crate::judge::evaluate::evaluate;
-use crate::observe::Capture;
+use crate::judge::camera::evaluate_camera;
+use crate::observe::CameraFrames;
 use crate::simulated;
 use crate::start::{FrameMarkers, start_camera};
 
-fn captured(camera: CameraTruth, kind: Kind, seed: u64) -> Capture {
+fn captured(camera: CameraTruth, kind: Kind, seed: u64) -> CameraFrames {
     let options = PointOptions { depth_samples: 300, ..PointOptions::default() };
     simulated::capture(&Simulation::new(camera, kind, &[], seed).observe_points(&options).unwrap())
 }
 
-fn options(lens: &str) -> CalibrateOptions {
-    CalibrateOptions { lens: lens.to_owned(), ..CalibrateOptions::default() }
+fn options(lens: &str) -> CameraOptions {
+    CameraOptions { lens: lens.to_owned(), ..CameraOptions::default() }
 }
 
 /// Start values of a camera of 150°: the focal length is near enough for an adjustment, with every lens that describes such a
@@ -44,7 +44,7 @@ fn a_fisheye_camera_has_start_values() {
 fn a_fisheye_camera_is_calibrated() {
     let truth = CameraTruth::fisheye_150();
     let (capture, other) = (captured(truth, Kind::General(1), 3), captured(truth, Kind::General(2), 4));
-    let result = calibrate(&capture, &options("kannala-brandt")).unwrap();
+    let result = calibrate_camera(&capture, &options("kannala-brandt")).unwrap();
     let [fx, fy, cx, cy, _] = result.camera.pinhole();
     println!("fx {fx:.3} fy {fy:.3} cx {cx:.3} cy {cy:.3}, {:.4} px", result.reprojection_rms_px);
     assert!((fx - truth.focal_px[0]).abs() < 0.3 && (fy - truth.focal_px[1]).abs() < 0.3, "{fx} {fy}");
@@ -59,7 +59,7 @@ fn a_fisheye_camera_is_calibrated() {
         .chain(truth.depth)
         .collect();
     oracle = oracle.with_theta(&theta);
-    let depth = |camera: &depthcal_model::Camera| evaluate(camera, &other).record().depth_rms_mm.unwrap();
+    let depth = |camera: &depthcal_model::Camera| evaluate_camera(camera, &other).record().depth_rms_mm.unwrap();
     let (fitted, best) = (depth(&result.camera), depth(&oracle));
     println!(
         "depth: {:.3} mm before, {:.3} mm after, {:.3} mm with the true camera",
@@ -79,7 +79,7 @@ fn the_lens_of_the_camera_is_chosen() {
     ];
     for (truth, expected) in cases {
         let capture = captured(truth, Kind::General(1), 5);
-        let fit = calibrate_image(&capture, &CalibrateOptions { model: ModelSpec::none(), ..options(AUTO) }).unwrap();
+        let fit = calibrate_image(&capture, &CameraOptions { model: ModelSpec::none(), ..options(AUTO) }).unwrap();
         let comparison = fit.lens_comparison.clone().unwrap();
         println!("{comparison:#?}");
         assert_eq!(comparison.chosen, expected, "{comparison:#?}");
@@ -124,7 +124,7 @@ fn a_lens_of_a_program_is_one_of_those_that_are_compared() {
     let capture = captured(truth, Kind::General(1), 5);
     let mut register = Register::builtin();
     register.add::<Lens, 1, Quartic>(|_| Quartic);
-    let given = |lens: &str| CalibrateOptions { register: register.clone(), model: ModelSpec::none(), ..options(lens) };
+    let given = |lens: &str| CameraOptions { register: register.clone(), model: ModelSpec::none(), ..options(lens) };
     let asked = calibrate_image(&capture, &given("quartic")).unwrap();
     assert!((asked.camera.block("quartic").unwrap().theta[0] + 0.4).abs() < 0.02, "{:?}", asked.camera.theta());
     let chosen = calibrate_image(&capture, &given(AUTO)).unwrap();

@@ -7,7 +7,7 @@ use nalgebra::{Matrix4, Point3, Vector4};
 
 use super::depth_alternative::{DepthAlternative, Quantity, Turn};
 use crate::observe::board_region::BoardRegion;
-use crate::observe::{Capture, PosedFrame};
+use crate::observe::{CameraFrames, PosedFrame};
 
 /// Points along a side of the rectangle of markers.
 const POINTS_PER_SIDE: usize = 14;
@@ -57,7 +57,7 @@ pub struct Deviation {
 }
 
 /// Points over the markers of a frame.
-pub(super) fn board_points(capture: &Capture<PosedFrame>, camera: &Camera, frame: &PosedFrame) -> Vec<BoardPoint> {
+pub(super) fn board_points(capture: &CameraFrames<PosedFrame>, camera: &Camera, frame: &PosedFrame) -> Vec<BoardPoint> {
     let region = BoardRegion::within_markers(&capture.target, &frame.markers);
     let corners = region.hull();
     let range = |axis: usize| {
@@ -95,7 +95,7 @@ impl FramePoints {
     ///
     /// [`ImageError`] where an image has become unreadable.
     pub(super) fn of(
-        capture: &Capture<PosedFrame>,
+        capture: &CameraFrames<PosedFrame>,
         camera: &Camera,
         number: usize,
         frames: &[isize],

@@ -8,7 +8,7 @@ use super::depth_alternative::{DepthAlternative, Turn};
 use super::depth_cause::DepthCause;
 use super::depth_points::{Deviation, FramePoints, deviation, trivial};
 use super::registration::registration;
-use crate::observe::{Capture, PosedFrame};
+use crate::observe::{CameraFrames, PosedFrame};
 
 /// Frames that are looked at, spread over the capture.
 const FRAMES: usize = 16;
@@ -43,7 +43,7 @@ pub enum DepthFinding {
 /// # Errors
 ///
 /// [`ImageError`] where a depth image has become unreadable.
-pub fn examine_depth(capture: &Capture<PosedFrame>, camera: &Camera) -> Result<DepthFinding, ImageError> {
+pub fn examine_depth(capture: &CameraFrames<PosedFrame>, camera: &Camera) -> Result<DepthFinding, ImageError> {
     let with_depth: Vec<usize> =
         (0..capture.frames.len()).filter(|i| capture.frames[*i].depth_image().is_some()).collect();
     let step = with_depth.len().div_ceil(FRAMES).max(1);
@@ -119,7 +119,9 @@ mod tests {
 
     /// Depth of the boards in whole millimetres, before a wall; `spoil` gives the value of a pixel (u, v) of frame i from the
     /// depth of all pixels of all frames.
-    fn capture(spoil: impl Fn(&dyn Fn(usize, usize, usize) -> f64, usize, usize, usize) -> f64) -> Capture<PosedFrame> {
+    fn capture(
+        spoil: impl Fn(&dyn Fn(usize, usize, usize) -> f64, usize, usize, usize) -> f64,
+    ) -> CameraFrames<PosedFrame> {
         let target = Target { pattern: Pattern::Chessboard, columns: 9, rows: 7, spacing_mm: 20.0 };
         let camera = camera();
         let depth_mm = |i: usize, u: usize, v: usize| {
@@ -147,7 +149,7 @@ mod tests {
             let detected = DetectedFrame { raw, markers, wrong_markers: Vec::new() };
             PosedFrame { detected, camera_from_board: pose(i) }
         };
-        Capture {
+        CameraFrames {
             name: "spoiled".to_owned(),
             target: target.clone(),
             width: SIDE,

@@ -8,7 +8,7 @@ use depthcal_model::Camera;
 use rayon::prelude::*;
 
 use super::depth_points::{BoardPoint, board_points, of_scale};
-use crate::observe::{Capture, PosedFrame};
+use crate::observe::{CameraFrames, PosedFrame};
 
 /// Ratios of the focal lengths that are tried, and the factor from one to the next.
 const RATIOS: (f64, usize, f64) = (0.5, 32, 1.04);
@@ -56,7 +56,7 @@ impl fmt::Display for Registration {
 ///
 /// [`ImageError`] where a depth image has become unreadable.
 pub(super) fn registration(
-    capture: &Capture<PosedFrame>,
+    capture: &CameraFrames<PosedFrame>,
     camera: &Camera,
     chosen: &[usize],
     unit_mm: f64,

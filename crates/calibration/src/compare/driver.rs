@@ -13,16 +13,20 @@ use super::ranking::{EvaluatedVariant, rank};
 use super::stability::stability;
 use super::variants::{Variant, thesis_variants};
 use super::verdict::verdict;
-use crate::calibrate::{CalibrateOptions, Estimator};
-use crate::judge::evaluate::{Evaluated, evaluate};
-use crate::observe::Capture;
+use crate::calibrate::{CameraOptions, Estimator};
+use crate::judge::camera::{EvaluatedCamera, evaluate_camera};
+use crate::observe::CameraFrames;
 
 /// Fits depth models to `train` and compares their errors on `verify`; where that is empty, on held-out frames of `train`.
 ///
 /// # Errors
 ///
 /// [`RegisterError`] where a model's name is wrong. Models that cannot be fitted are listed with the reason.
-pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) -> Result<Comparison, RegisterError> {
+pub fn compare(
+    train: &CameraFrames,
+    verify: &[CameraFrames],
+    options: &CompareOptions,
+) -> Result<Comparison, RegisterError> {
     let base = &options.calibrate;
     for model in &options.models {
         base.register.depth_blocks(model)?;
@@ -40,7 +44,7 @@ pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) ->
     let from_images = base.progress.stage("image calibration");
     let whole = ImageCalibrations::new(train.clone(), &lenses, base);
     // Cross-validation: every fold's fit, and the frames that it holds out.
-    let folds: Vec<(ImageCalibrations, Capture)> = if verify.is_empty() {
+    let folds: Vec<(ImageCalibrations, CameraFrames)> = if verify.is_empty() {
         let part = |fold: usize| {
             let training = train.subset(|i, _| i % options.folds != fold);
             (ImageCalibrations::new(training, &lenses, base), train.subset(|i, _| i % options.folds == fold))
@@ -79,9 +83,9 @@ pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) ->
 fn evaluate_variant(
     variant: &Variant,
     whole: &ImageCalibrations,
-    folds: &[(ImageCalibrations, Capture)],
-    verify: &[Capture],
-    base: &CalibrateOptions,
+    folds: &[(ImageCalibrations, CameraFrames)],
+    verify: &[CameraFrames],
+    base: &CameraOptions,
 ) -> EvaluatedVariant {
     let mut record = ModelComparison {
         model: variant.model.clone(),
@@ -104,24 +108,24 @@ type HeldOutAndResiduals = (Vec<Vec<FrameErrors>>, Option<Residuals>);
 fn fit_and_evaluate(
     variant: &Variant,
     whole: &ImageCalibrations,
-    folds: &[(ImageCalibrations, Capture)],
-    verify: &[Capture],
-    base: &CalibrateOptions,
+    folds: &[(ImageCalibrations, CameraFrames)],
+    verify: &[CameraFrames],
+    base: &CameraOptions,
     record: &mut ModelComparison,
 ) -> Result<HeldOutAndResiduals, String> {
     let fitted = whole.fit(variant, base)?;
     record.parameters = fitted.camera.blocks().iter().map(|b| b.free.iter().filter(|f| **f).count()).sum();
     record.effective_parameters = effective_parameters(&fitted);
-    let on_train = evaluate(&fitted.camera, &whole.capture);
+    let on_train = evaluate_camera(&fitted.camera, &whole.capture);
     record.fit = errors(&[frame_errors(&on_train)]);
     let mut evaluations = vec![on_train];
     if folds.is_empty() {
-        evaluations.extend(verify.par_iter().map(|c| evaluate(&fitted.camera, c)).collect::<Vec<_>>());
+        evaluations.extend(verify.par_iter().map(|c| evaluate_camera(&fitted.camera, c)).collect::<Vec<_>>());
     } else {
-        let parts: Result<Vec<Evaluated>, String> =
-            folds.par_iter().map(|(rest, held)| Ok(evaluate(&rest.fit(variant, base)?.camera, held))).collect();
+        let parts: Result<Vec<EvaluatedCamera>, String> =
+            folds.par_iter().map(|(rest, held)| Ok(evaluate_camera(&rest.fit(variant, base)?.camera, held))).collect();
         let name = format!("{} (frames left out)", whole.capture.name);
-        let mut all = Evaluated { name, frames: Vec::new(), dropped: Vec::new() };
+        let mut all = EvaluatedCamera { name, frames: Vec::new(), dropped: Vec::new() };
         for part in parts? {
             all.frames.extend(part.frames);
             all.dropped.extend(part.dropped);

@@ -7,7 +7,7 @@
 use depthcal_io::{Errors, Interval};
 use depthcal_statistics::{Bootstrap, Estimate};
 
-use crate::judge::evaluate::Evaluated;
+use crate::judge::camera::EvaluatedCamera;
 
 /// Bootstrap over frames, with equal draws for all models.
 const BOOTSTRAP: Bootstrap = Bootstrap { resamples: 2000, seed: 0x636f_6d70_6172_6500 };
@@ -45,8 +45,8 @@ pub struct FrameErrors {
 }
 
 /// The frames of one dataset after correction.
-pub fn frame_errors(evaluated: &Evaluated) -> Vec<FrameErrors> {
-    let frame = |f: &crate::judge::evaluate::EvaluatedFrame| FrameErrors {
+pub fn frame_errors(evaluated: &EvaluatedCamera) -> Vec<FrameErrors> {
+    let frame = |f: &crate::judge::camera::EvaluatedFrame| FrameErrors {
         name: f.name.clone(),
         totals: [
             Total::of(f.dots.iter().map(|d| d[1])),

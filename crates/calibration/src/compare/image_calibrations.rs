@@ -5,22 +5,22 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::variants::Variant;
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate_depth, calibrate_image};
-use crate::observe::{Capture, PosedFrame};
+use crate::calibrate::{CalibrateError, CalibratedCamera, CameraOptions, calibrate_depth, calibrate_image};
+use crate::observe::{CameraFrames, PosedFrame};
 
 /// The frames of a fit, and their calibration from the images by lens model.
 pub(super) struct ImageCalibrations {
     /// The frames.
-    pub capture: Capture,
+    pub capture: CameraFrames,
     /// Calibration from the images, or why there is none, by the name of the lens model.
-    pub by_lens: BTreeMap<String, Result<Calibrated<PosedFrame>, String>>,
+    pub by_lens: BTreeMap<String, Result<CalibratedCamera<PosedFrame>, String>>,
 }
 
 impl ImageCalibrations {
     /// Calibrates a capture from its images with each lens model of `lenses`.
-    pub fn new(capture: Capture, lenses: &[&str], base: &CalibrateOptions) -> Self {
+    pub fn new(capture: CameraFrames, lenses: &[&str], base: &CameraOptions) -> Self {
         let calibrated = |lens: &&str| {
-            let options = CalibrateOptions { lens: (*lens).to_owned(), ..base.clone() };
+            let options = CameraOptions { lens: (*lens).to_owned(), ..base.clone() };
             ((*lens).to_owned(), calibrate_image(&capture, &options).map_err(|e| e.to_string()))
         };
         let by_lens = lenses.par_iter().map(calibrated).collect();
@@ -28,7 +28,7 @@ impl ImageCalibrations {
     }
 
     /// Fits a variant's depth model on top of the calibration from the images.
-    pub fn fit(&self, variant: &Variant, base: &CalibrateOptions) -> Result<Calibrated, String> {
+    pub fn fit(&self, variant: &Variant, base: &CameraOptions) -> Result<CalibratedCamera, String> {
         let image = self.by_lens.get(&variant.lens).cloned().unwrap_or_else(|| Err("no such lens".to_owned()))?;
         calibrate_depth(image, &variant.options(base)).map_err(|e: CalibrateError| e.to_string())
     }

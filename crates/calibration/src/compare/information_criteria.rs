@@ -4,13 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Point3;
 
-use crate::calibrate::{Calibrated, Estimator};
+use crate::calibrate::{CalibratedCamera, Estimator};
 use crate::observe::board_plane::BoardPlane;
 use crate::observe::noise::NoiseModel;
 
 /// Number of free parameters of camera, lens and depth model; of fields only the effective number, tr(Σ N), which the data
 /// rather than the smoothness prior determine.
-pub(super) fn effective_parameters(fitted: &Calibrated) -> f64 {
+pub(super) fn effective_parameters(fitted: &CalibratedCamera) -> f64 {
     let fields = &fitted.smoothness.fields;
     let blocks = fitted.camera.blocks().iter().map(|block| {
         let free = block.free.iter().filter(|f| **f).count() as f64;
@@ -38,7 +38,7 @@ struct FrameResiduals {
 
 impl Residuals {
     /// Those of a joint adjustment with depth, which has so many effective parameters; `None` of other estimators.
-    pub fn of(fitted: &Calibrated, effective: f64) -> Option<Self> {
+    pub fn of(fitted: &CalibratedCamera, effective: f64) -> Option<Self> {
         if fitted.estimator != Estimator::Joint || !fitted.with_depth {
             return None;
         }
@@ -135,7 +135,7 @@ mod tests {
     use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 
     use super::*;
-    use crate::calibrate::{CalibrateOptions, calibrate};
+    use crate::calibrate::{CameraOptions, calibrate_camera};
     use crate::simulated;
 
     /// The smaller model takes what it cannot say for outliers and for noise. By its own observations and noise it would be the
@@ -147,8 +147,8 @@ mod tests {
         let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
         let fit = |models: &[&str]| {
             let effects: Vec<PieceSpec> = models.iter().map(|name| PieceSpec::new(*name)).collect();
-            let options = CalibrateOptions { effects, ..CalibrateOptions::default() };
-            calibrate(&capture, &options).expect("a fit")
+            let options = CameraOptions { effects, ..CameraOptions::default() };
+            calibrate_camera(&capture, &options).expect("a fit")
         };
         let fits = [fit(&[]), fit(&["quadratic_depth"]), fit(&["quadratic_depth", "range_offset"])];
         let effective: Vec<f64> = fits.iter().map(effective_parameters).collect();

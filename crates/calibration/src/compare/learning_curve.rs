@@ -12,15 +12,19 @@ use super::image_calibrations::ImageCalibrations;
 use super::options::CompareOptions;
 use super::variants::Variant;
 use crate::calibrate::Estimator;
-use crate::judge::evaluate::evaluate;
-use crate::observe::Capture;
+use crate::judge::camera::evaluate_camera;
+use crate::observe::CameraFrames;
 
 /// Seed of the random choice of frames: the same input gives the same choice.
 const SEED: u64 = 0x6c65_6172_6e00;
 
 /// Errors of fits to random subsets of the training frames, the same subsets for all models, on the other datasets; where
 /// there are none, on all training frames that the fit did not see.
-pub(super) fn learning_curve(train: &Capture, verify: &[Capture], options: &CompareOptions) -> Vec<LearningPoint> {
+pub(super) fn learning_curve(
+    train: &CameraFrames,
+    verify: &[CameraFrames],
+    options: &CompareOptions,
+) -> Vec<LearningPoint> {
     let total = train.frames.len();
     // Without other datasets, three frames at least are held out.
     let most = if verify.is_empty() { total.saturating_sub(3) } else { total };
@@ -55,7 +59,7 @@ pub(super) fn learning_curve(train: &Capture, verify: &[Capture], options: &Comp
                 let errors_of = |model: &ModelSpec| {
                     let variant = Variant::new(model, &options.calibrate.lens, Estimator::Joint);
                     let camera = from_image.fit(&variant, &options.calibrate)?.camera;
-                    Ok(held_out.par_iter().map(|c| frame_errors(&evaluate(&camera, c))).collect())
+                    Ok(held_out.par_iter().map(|c| frame_errors(&evaluate_camera(&camera, c))).collect())
                 };
                 options.models.par_iter().map(errors_of).collect()
             })

@@ -2,7 +2,7 @@
 
 use depthcal_model::{ModelSpec, PieceSpec};
 
-use crate::calibrate::CalibrateOptions;
+use crate::calibrate::CameraOptions;
 
 /// Options of a comparison.
 #[derive(Debug, Clone)]
@@ -10,7 +10,7 @@ pub struct CompareOptions {
     /// Depth models.
     pub models: Vec<ModelSpec>,
     /// Options of every fit; model, lens and estimator are replaced by those of each variant.
-    pub calibrate: CalibrateOptions,
+    pub calibrate: CameraOptions,
     /// Number of cross-validation folds on the training frames where no other dataset is given.
     pub folds: usize,
     /// Whether the thesis' tables are made: all subsets of D, with and without lens, the four estimators, and D refitted to
@@ -30,7 +30,7 @@ impl Default for CompareOptions {
                 ModelSpec::of(PieceSpec::new("projective").only("xw")),
                 ModelSpec::of(PieceSpec::new("projective")),
             ],
-            calibrate: CalibrateOptions::default(),
+            calibrate: CameraOptions::default(),
             folds: 6,
             thesis: true,
             learning_sizes: vec![4, 6, 8, 12, 16, 24, 32, 48],

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 use super::image_calibrations::ImageCalibrations;
 use super::variants::Variant;
-use crate::calibrate::{CalibrateOptions, Calibrated, Estimator};
-use crate::observe::Capture;
+use crate::calibrate::{CalibratedCamera, CameraOptions, Estimator};
+use crate::observe::CameraFrames;
 
 /// Depth error at 0.8 m, at the image's quarter points, that one unit of (dx, dy, dz, dw) causes, mm. Makes the four
 /// parameters comparable.
@@ -30,16 +30,16 @@ struct Estimate {
 
 /// Refits D to every dataset and tests whether the estimates agree; `None` where fewer than two datasets determine it.
 pub(super) fn stability(
-    train: &Capture,
-    verify: &[Capture],
+    train: &CameraFrames,
+    verify: &[CameraFrames],
     whole: &ImageCalibrations,
-    base: &CalibrateOptions,
+    base: &CameraOptions,
 ) -> Option<StabilityRecord> {
     let calibrated = whole.by_lens.get(&base.lens)?.as_ref().ok()?;
     let held = calibrated.camera.map_blocks(|block| block.hold());
-    let options = CalibrateOptions { camera: Some(held), ..base.clone() };
-    let captures: Vec<&Capture> = std::iter::once(train).chain(verify).collect();
-    let refit = |capture: &&Capture| -> (Vec<StabilityEstimate>, Option<Estimate>, Option<String>) {
+    let options = CameraOptions { camera: Some(held), ..base.clone() };
+    let captures: Vec<&CameraFrames> = std::iter::once(train).chain(verify).collect();
+    let refit = |capture: &&CameraFrames| -> (Vec<StabilityEstimate>, Option<Estimate>, Option<String>) {
         let from_image = ImageCalibrations::new((*capture).clone(), &[base.lens.as_str()], &options);
         let (mut estimates, mut joint, mut failure) = (Vec::new(), None, None);
         let d = PieceSpec::new("projective");
@@ -97,7 +97,7 @@ pub(super) fn stability(
 }
 
 /// D (dx, dy, dz, dw), and its covariance where the estimator gives one.
-fn d_of(fitted: &Calibrated) -> Option<(Vector4<f64>, Option<Matrix4<f64>>)> {
+fn d_of(fitted: &CalibratedCamera) -> Option<(Vector4<f64>, Option<Matrix4<f64>>)> {
     let (block, range) = fitted.camera.blocks_with_ranges().find(|(b, _)| b.name() == "projective")?;
     let d = Vector4::from_column_slice(block.theta.get(..4)?);
     let covariance = (fitted.estimator == Estimator::Joint).then_some(fitted.covariance.as_ref()).flatten();

@@ -2,7 +2,7 @@
 
 use depthcal_model::{ModelSpec, PieceSpec};
 
-use crate::calibrate::{CalibrateOptions, Estimator};
+use crate::calibrate::{CameraOptions, Estimator};
 
 /// A depth model with the lens model and the estimator that it is fitted with.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,12 +21,12 @@ impl Variant {
     }
 
     /// `base` with the variant's model, lens and estimator.
-    pub(super) fn options(&self, base: &CalibrateOptions) -> CalibrateOptions {
+    pub(super) fn options(&self, base: &CameraOptions) -> CameraOptions {
         let all = [Estimator::Joint, Estimator::Linear, Estimator::Irls, Estimator::Nonlinear];
         let estimator = all.into_iter().find(|e| e.name() == self.estimator).unwrap_or_default();
         // Without a depth model, depth has no information about the camera: its errors would only bias the image calibration.
         let estimator = if self.model.is_none() { Estimator::Linear } else { estimator };
-        CalibrateOptions { model: self.model.clone(), lens: self.lens.clone(), estimator, ..base.clone() }
+        CameraOptions { model: self.model.clone(), lens: self.lens.clone(), estimator, ..base.clone() }
     }
 }
 

@@ -9,10 +9,10 @@ use nalgebra::Isometry3;
 
 use super::frame_planes::FramePlane;
 use super::thresholds::Thresholds;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::observe::board_pixels::{BoardPixel, board_area_px, board_pixels};
 use crate::observe::board_region::BoardRegion;
-use crate::observe::{Capture, DetectedFrame, PixelRays};
+use crate::observe::{CameraFrames, DetectedFrame, PixelRays};
 
 /// Most pixels of a depth image that are compared with the board, about.
 const MOST_PIXELS: usize = 4000;
@@ -54,7 +54,7 @@ pub enum BadFrameReason {
 }
 
 /// The reasons for frames with outlying planes: depth images that are exchanged among these frames, or else a movement.
-pub fn explain(fit: &Calibrated, bad: &[&FramePlane], thresholds: &Thresholds) -> Vec<BadFrame> {
+pub fn explain(fit: &CalibratedCamera, bad: &[&FramePlane], thresholds: &Thresholds) -> Vec<BadFrame> {
     let rays = PixelRays::new(&fit.camera, &fit.capture.target);
     let deviation = |frame: usize, pose: &Isometry3<f64>| deviation(fit, &rays, frame, pose);
     let pose_of = |i: usize| fit.capture.frames[i].camera_from_board;
@@ -82,7 +82,7 @@ pub fn explain(fit: &Calibrated, bad: &[&FramePlane], thresholds: &Thresholds) -
 }
 
 /// Median absolute deviation of a frame's depth image from the board in a pose, mm; `None` without depth on that board.
-fn deviation(fit: &Calibrated, rays: &PixelRays<'_>, frame: usize, pose: &Isometry3<f64>) -> Option<f64> {
+fn deviation(fit: &CalibratedCamera, rays: &PixelRays<'_>, frame: usize, pose: &Isometry3<f64>) -> Option<f64> {
     let region = BoardRegion::new(&fit.capture.target);
     let unit_mm = fit.capture.depth_unit_mm?;
     // Only how the exclusion is explained depends on it: an image that cannot be read any more explains nothing.
@@ -98,7 +98,7 @@ fn deviation(fit: &Calibrated, rays: &PixelRays<'_>, frame: usize, pose: &Isomet
 
 /// The capture without frames that copy an earlier one, with the same markers to the last digit or the same depth image; and
 /// the copies.
-pub fn without_duplicates(capture: &Capture, thresholds: &Thresholds) -> (Capture, Vec<BadFrame>) {
+pub fn without_duplicates(capture: &CameraFrames, thresholds: &Thresholds) -> (CameraFrames, Vec<BadFrame>) {
     let mut bad = Vec::new();
     let mut unique: Vec<&DetectedFrame> = Vec::new();
     let same_markers = |a: &DetectedFrame, b: &DetectedFrame| {

@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 use super::free_functions::Along;
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::smoothness_prior::precision_of_smooth_functions;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 
 /// An effect or a free function whose parameters could be released.
 pub(super) struct CandidateBlock {
@@ -42,7 +42,7 @@ impl CandidateBlock {
 /// # Errors
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
-pub(super) fn linearize(fit: &Calibrated, candidates: &[CandidateBlock]) -> Result<Linearization, ScoreError> {
+pub(super) fn linearize(fit: &CalibratedCamera, candidates: &[CandidateBlock]) -> Result<Linearization, ScoreError> {
     linearize_with(fit, candidates, true)
 }
 
@@ -51,12 +51,15 @@ pub(super) fn linearize(fit: &Calibrated, candidates: &[CandidateBlock]) -> Resu
 /// # Errors
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
-pub(super) fn linearize_images(fit: &Calibrated, candidates: &[CandidateBlock]) -> Result<Linearization, ScoreError> {
+pub(super) fn linearize_images(
+    fit: &CalibratedCamera,
+    candidates: &[CandidateBlock],
+) -> Result<Linearization, ScoreError> {
     linearize_with(fit, candidates, false)
 }
 
 fn linearize_with(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     candidates: &[CandidateBlock],
     with_depth: bool,
 ) -> Result<Linearization, ScoreError> {

@@ -4,7 +4,7 @@
 use depthcal_model::{AnyPiece, Covariate, Of, On, PieceSpec, Placement, Register, Role, Scan, ScanKind};
 
 use super::observed_states::{ObservedStates, Range};
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 
 /// Most cycles over the range of the data for which a wave is searched.
 const MOST_CYCLES: f64 = 26.0;
@@ -61,7 +61,7 @@ impl Effect {
 
 /// The effects of `register` that the camera of a fit lacks and that one of its technology may have; of any where this is not
 /// declared. The values of their constants follow from the range of the covariates.
-pub fn missing_effects(register: &Register, fit: &Calibrated, states: &ObservedStates) -> Vec<Effect> {
+pub fn missing_effects(register: &Register, fit: &CalibratedCamera, states: &ObservedStates) -> Vec<Effect> {
     let technology = fit.capture.technology;
     let candidates = register.names().filter(|name| fit.camera.block(name).is_none());
     candidates

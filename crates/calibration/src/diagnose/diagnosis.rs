@@ -1,6 +1,8 @@
-//! The result of a diagnosis.
+//! The result of one camera's diagnosis.
 
+use depthcal_formula::FormulaError;
 use depthcal_io::{DiagnosisSearched, Verdict};
+use depthcal_model::Register;
 
 use super::bad_frames::BadFrame;
 use super::discovery::Discovery;
@@ -13,10 +15,10 @@ use super::possible::Possible;
 use super::pure_error::PureError;
 use super::round::Round;
 use super::step::Step;
-use crate::calibrate::{Calibrated, ImplausibleScale};
+use crate::calibrate::{CalibratedCamera, ImplausibleScale};
 
-/// The result of a diagnosis. Findings are data; their `Display` words them.
-pub struct Diagnosis {
+/// The result of one camera's diagnosis. Findings are data; their `Display` words them.
+pub struct CameraDiagnosis {
     /// The verdict.
     pub verdict: Verdict,
     /// The effects that were added, in order.
@@ -43,9 +45,9 @@ pub struct Diagnosis {
     /// Captures that would answer open questions.
     pub capture_next: Vec<CaptureProposal>,
     /// The declared model, fitted to all frames that were not excluded.
-    pub first: Calibrated,
+    pub first: CalibratedCamera,
     /// The last model, fitted to the same frames.
-    pub last: Calibrated,
+    pub last: CalibratedCamera,
     /// Held-out errors of the declared model.
     pub before: HeldOut,
     /// Held-out errors of the last model.
@@ -54,4 +56,19 @@ pub struct Diagnosis {
     pub planes: Vec<FramePlane>,
     /// The last examination.
     pub examination: Examination,
+}
+
+impl CameraDiagnosis {
+    /// A register with the formulas that were found.
+    ///
+    /// # Errors
+    ///
+    /// [`FormulaError`] where a formula cannot be a piece.
+    pub fn register(&self, declared: &Register) -> Result<Register, FormulaError> {
+        let mut register = declared.clone();
+        for formula in &self.formulas {
+            formula.effect.register(&mut register)?;
+        }
+        Ok(register)
+    }
 }

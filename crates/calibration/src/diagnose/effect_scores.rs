@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 
 use super::candidate_blocks::{CandidateBlock, linearize};
 use super::observed_states::ObservedStates;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 
 /// Scores of every effect of `register` that the model of a fit lacks and that its captures show, with the constants, place and
 /// form that the effect has by default: those of a diagnosis are searched and differ from unit to unit. `None` where no effect
@@ -17,7 +17,7 @@ use crate::calibrate::Calibrated;
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
 pub fn effect_scores(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     dataset: FileReference,
 ) -> Result<Option<Scores>, ScoreError> {
@@ -61,7 +61,7 @@ pub fn effect_scores(
 
 /// The candidates whose derivatives are numbers, and show in these captures at all, with their linearisation.
 fn testable(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     candidates: Vec<CandidateBlock>,
 ) -> Result<Option<(Vec<CandidateBlock>, Linearization)>, ScoreError> {
     let shows = |candidate: &CandidateBlock| {
@@ -78,7 +78,7 @@ fn testable(
 }
 
 /// Names and values of the free parameters of a fit, in the order of the linearisation's shared columns.
-fn model_values(fit: &Calibrated) -> Vec<ModelValue> {
+fn model_values(fit: &CalibratedCamera) -> Vec<ModelValue> {
     let of_block = |block: &Block| -> Vec<ModelValue> {
         let name = |i: usize| format!("{}.{}", block.name(), block.parameters()[i].name);
         let free = (0..block.theta.len()).filter(|i| block.free[*i]);

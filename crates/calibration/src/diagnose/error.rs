@@ -1,5 +1,6 @@
 //! Errors of a diagnosis.
 
+use depthcal_formula::FormulaError;
 use depthcal_solver::score::ScoreError;
 use depthcal_solver::{NoiseError, SolveError};
 use thiserror::Error;
@@ -40,6 +41,9 @@ pub enum DiagnoseError {
         /// Why.
         source: Box<DiagnoseError>,
     },
+    /// A formula that was found cannot be a piece.
+    #[error(transparent)]
+    Formula(#[from] FormulaError),
     /// The fit lacks a camera that was captured.
     #[error("the calibration has no camera {camera} although it was captured: please report this as a bug")]
     LacksCamera {
@@ -67,7 +71,7 @@ impl DiagnoseError {
             Self::Calibrate(error) => error.is_untrusted_fit(),
             Self::Camera { source, .. } => source.is_untrusted_fit(),
             Self::Score(_) | Self::NotFitted { .. } | Self::LacksCamera { .. } => true,
-            Self::NoDepth { .. } => false,
+            Self::NoDepth { .. } | Self::Formula(_) => false,
         }
     }
 }

@@ -16,7 +16,7 @@ use super::free_functions::{FreeFunction, free_functions};
 use super::observed_states::ObservedStates;
 use super::thresholds::Thresholds;
 use super::variant_search::{BestVariant, best_variants};
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 
 /// Directions in the parameters of an effect over which its minimal detectable size is a median.
 const DIRECTIONS: usize = 25;
@@ -62,7 +62,11 @@ fn cost(linearization: &Linearization) -> f64 {
 /// # Errors
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
-pub fn examine(fit: &Calibrated, register: &Register, thresholds: &Thresholds) -> Result<Examination, ScoreError> {
+pub fn examine(
+    fit: &CalibratedCamera,
+    register: &Register,
+    thresholds: &Thresholds,
+) -> Result<Examination, ScoreError> {
     let states = ObservedStates::of(fit);
     let mut candidates = Vec::new();
     // Factors by which p-values are corrected for a search.
@@ -108,7 +112,7 @@ pub fn examine(fit: &Calibrated, register: &Register, thresholds: &Thresholds) -
 /// # Errors
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
-pub fn scores(fit: &Calibrated, register: &Register, specs: &[PieceSpec]) -> Result<Vec<Score>, ScoreError> {
+pub fn scores(fit: &CalibratedCamera, register: &Register, specs: &[PieceSpec]) -> Result<Vec<Score>, ScoreError> {
     let candidates: Vec<CandidateBlock> =
         specs.iter().filter_map(|s| CandidateBlock::effect(register, s.clone())).collect();
     let linearization = linearize(fit, &candidates)?;
@@ -126,7 +130,7 @@ pub(super) struct EffectTest {
 }
 
 /// Tests one effect; `None` where the problem cannot be evaluated.
-pub(super) fn test_effect(fit: &Calibrated, register: &Register, spec: &PieceSpec) -> Option<EffectTest> {
+pub(super) fn test_effect(fit: &CalibratedCamera, register: &Register, spec: &PieceSpec) -> Option<EffectTest> {
     let linearization = linearize(fit, &[CandidateBlock::effect(register, spec.clone())?]).ok()?;
     let (score, gains) = (linearization.score(0), linearization.held_out_gain(&[0]));
     Some(EffectTest { score, gains, cost: cost(&linearization) })

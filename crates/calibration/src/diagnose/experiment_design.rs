@@ -10,7 +10,7 @@ use super::discovery::{Discovery, RUNNER_UP};
 use super::observed_states::ObservedStates;
 use super::step::Step;
 use super::thresholds::Thresholds;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::observe::SampledFrame;
 use crate::plan::{BoardTilt, ImagePlace, ProposedFrame, pose_showing, predicted_frame};
 
@@ -51,7 +51,7 @@ pub enum CaptureProposal {
 /// For every added effect and every effect that the captures cannot distinguish from it: the frame that would distinguish them
 /// best.
 pub fn distinguishing_frames(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     steps: &[Step],
     thresholds: &Thresholds,
@@ -68,7 +68,7 @@ pub fn distinguishing_frames(
 /// For a formula: the frame that would distinguish it best from each effect of the catalogue that it resembles, and from the best
 /// formula of other covariates, which the proposal names by its text. `register` has the formula.
 pub fn frames_against_rivals(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     mut register: Register,
     step: &Step,
     formula: &Discovery,
@@ -100,7 +100,7 @@ pub fn frames_against_rivals(
 }
 
 fn distinguish(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     step: &Step,
     rival: &str,
@@ -108,7 +108,7 @@ fn distinguish(
 ) -> Option<CaptureProposal> {
     let name = step.effects.first()?;
     let fitted = fit.camera.block(name)?;
-    let without = Calibrated { camera: fit.camera.filtered(|b| b.name() != name), ..fit.clone() };
+    let without = CalibratedCamera { camera: fit.camera.filtered(|b| b.name() != name), ..fit.clone() };
     let candidates: Vec<CandidateBlock> = [step.spec.clone(), PieceSpec::new(rival)]
         .into_iter()
         .filter_map(|spec| CandidateBlock::effect(register, spec))
@@ -118,7 +118,7 @@ fn distinguish(
     let present = linearize(&without, &candidates).ok()?;
     let now = present.noncentrality(0, &effect, &[1]);
     let (frames, predicted): (Vec<ProposedFrame>, Vec<SampledFrame>) = possible_frames(fit).into_iter().unzip();
-    let further = Calibrated { capture: fit.capture.with_frames(predicted), ..without };
+    let further = CalibratedCamera { capture: fit.capture.with_frames(predicted), ..without };
     let further = linearize(&further, &candidates).ok()?;
     let (best, then) = (0..frames.len())
         .map(|i| (i, present.with_cluster(&further, i).noncentrality(0, &effect, &[1])))
@@ -138,7 +138,7 @@ fn distinguish(
 
 /// Frames over distances, places in the image, tilts and temperatures that show the whole board, with the observations that
 /// the fitted camera predicts for them.
-fn possible_frames(fit: &Calibrated) -> Vec<(ProposedFrame, SampledFrame)> {
+fn possible_frames(fit: &CalibratedCamera) -> Vec<(ProposedFrame, SampledFrame)> {
     let states = ObservedStates::of(fit);
     let Some(depth) = states.range(|s, _| 1.0 / s[2]) else { return Vec::new() };
     let temperature = states.range(|_, c| c.temperature_c);
@@ -167,7 +167,11 @@ fn possible_frames(fit: &Calibrated) -> Vec<(ProposedFrame, SampledFrame)> {
 }
 
 /// Covariates that the captures lack and that effects of the register, which the camera does not have, need to show.
-pub fn missing_covariates(fit: &Calibrated, register: &Register, thresholds: &Thresholds) -> Vec<CaptureProposal> {
+pub fn missing_covariates(
+    fit: &CalibratedCamera,
+    register: &Register,
+    thresholds: &Thresholds,
+) -> Vec<CaptureProposal> {
     let states = ObservedStates::of(fit);
     let least_span = |covariate: Covariate| match covariate {
         Covariate::Temperature => thresholds.informative_temperature_span_c,

@@ -4,7 +4,7 @@ use super::thresholds::Thresholds;
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::frame_rows::FrameRows;
 use crate::adjust::plane_scatter::{own_plane, plane_shapes};
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::observe::SampledFrame;
 use crate::observe::noise::{NoiseModel, PlaneScatter};
 use depthcal_statistics::{chi_squared_tail, upper_median};
@@ -27,7 +27,7 @@ pub struct FramePlane {
 }
 
 /// The planes of the frames that have depth samples and markers, given the fitted camera.
-pub fn frame_planes(fit: &Calibrated) -> Vec<FramePlane> {
+pub fn frame_planes(fit: &CalibratedCamera) -> Vec<FramePlane> {
     let noise = NoiseModel { planes: PlaneScatter::NONE, ..fit.noise };
     let adjustment = Adjustment::new(&fit.capture, &fit.camera, &noise, true);
     let mut planes = Vec::new();
@@ -44,7 +44,7 @@ pub fn frame_planes(fit: &Calibrated) -> Vec<FramePlane> {
 }
 
 /// The plane of one frame from its residuals and their derivatives by the pose; `None` where they do not determine it.
-fn plane_of(frame: &SampledFrame, fit: &Calibrated, rows: &FrameRows) -> Option<FramePlane> {
+fn plane_of(frame: &SampledFrame, fit: &CalibratedCamera, rows: &FrameRows) -> Option<FramePlane> {
     let samples = &frame.samples;
     let placed: Vec<_> = samples.iter().map(|s| (s.context, 1.0 / s.depth_mm)).collect();
     let shapes = plane_shapes(&fit.camera, &placed, &fit.noise.depth);

@@ -6,10 +6,10 @@ use depthcal_io::{GainInterval, HeldOutErrors};
 use tracing::debug;
 
 use super::thresholds::Thresholds;
+use crate::judge::camera::EvaluatedCamera;
 use crate::judge::cross_validation::{
     depth_gain_percent, dot_gain_percent, weighted_gain_of_blocks_percent, weighted_gain_percent,
 };
-use crate::judge::evaluate::Evaluated;
 use crate::observe::noise::DepthNoise;
 
 /// Errors of a model on frames that it was not fitted to. Copies share them.
@@ -18,9 +18,9 @@ pub struct HeldOut {
     /// One number per kind of error.
     pub errors: HeldOutErrors,
     /// Errors frame by frame, each frame left out together with others from all over the capture.
-    pub evaluated: Arc<Evaluated>,
+    pub evaluated: Arc<EvaluatedCamera>,
     /// Errors with blocks of consecutive frames left out; `None` where another dataset verifies, and of models with fields.
-    pub blocks: Option<Arc<Evaluated>>,
+    pub blocks: Option<Arc<EvaluatedCamera>>,
 }
 
 impl HeldOut {
@@ -61,7 +61,7 @@ pub(super) fn gain(
     of_time: bool,
     thresholds: &Thresholds,
 ) -> Gain {
-    let weighted = |b: &Evaluated, a: &Evaluated| weighted_gain_percent(b, a, noise);
+    let weighted = |b: &EvaluatedCamera, a: &EvaluatedCamera| weighted_gain_percent(b, a, noise);
     let singly = weighted(&before.evaluated, &after.evaluated);
     let blocks = before.blocks.as_ref().zip(after.blocks.as_ref());
     let in_blocks = blocks.and_then(|(b, a)| weighted(b, a));

@@ -15,7 +15,7 @@ use super::candidate_blocks::{CandidateBlock, linearize_images};
 use super::evidence::{Evidence, difference};
 use super::merit::significant;
 use super::thresholds::Thresholds;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 
 /// Whether an effect is significant in the markers alone, given those of the `others` that act on the lens; true of effects at
 /// other hooks.
@@ -24,7 +24,7 @@ use crate::calibrate::Calibrated;
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
 pub(super) fn shows_in_images(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     effect: &Evidence,
     others: &[&Evidence],

@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::candidate_blocks::{CandidateBlock, linearize};
 use super::evidence::{Evidence, difference};
 use super::thresholds::Thresholds;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::observe::frame_light::relit;
 use crate::observe::{PixelRays, SampledFrame};
 
@@ -54,7 +54,7 @@ pub(super) enum ModulationError {
 ///
 /// [`ModulationError`].
 pub(super) fn promising_modulations(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     added: &Evidence,
     thresholds: &Thresholds,
@@ -70,7 +70,7 @@ pub(super) fn promising_modulations(
     let step = fit.capture.frames.len().div_ceil(FRAMES).max(1);
     let capture = fit.capture.subset(|i, _| i % step == 0);
     let camera = fit.camera.filtered(|block| block.name() != added.name);
-    let without = Calibrated { camera, capture, ..fit.clone() };
+    let without = CalibratedCamera { camera, capture, ..fit.clone() };
     let rays = PixelRays::new(&without.camera, &without.capture.target);
     let gains = |spec: &PieceSpec| gains(&without, &rays, register, spec);
     let tested = KNOWN_MHZ.iter().map(|mhz| {
@@ -89,7 +89,7 @@ pub(super) fn promising_modulations(
 
 /// Gains of an effect with the frequencies of a spec over a fit without it, on frames whose light is computed for these.
 fn gains(
-    without: &Calibrated,
+    without: &CalibratedCamera,
     rays: &PixelRays<'_>,
     register: &Register,
     spec: &PieceSpec,

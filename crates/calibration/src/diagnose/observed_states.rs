@@ -4,7 +4,7 @@ use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Context};
 use depthcal_statistics::nearest_rank;
 
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::observe::board_plane::BoardPlane;
 
 /// Most depth samples over which sizes are averaged.
@@ -57,7 +57,7 @@ impl Range {
 
 impl ObservedStates {
     /// The states of a fit's markers and depth samples.
-    pub fn of(fit: &Calibrated) -> Self {
+    pub fn of(fit: &CalibratedCamera) -> Self {
         let mut states = Self { focal_px: fit.camera.pinhole()[0], ..Self::default() };
         let total: usize = fit.capture.frames.iter().map(|f| f.samples.len()).sum();
         let step = total.div_ceil(MOST_SAMPLES).max(1);

@@ -15,7 +15,7 @@ use super::merit::significant;
 use super::observed_states::ObservedStates;
 use super::spline_piece::{Action, Axis, CUBIC};
 use super::thresholds::Thresholds;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 
 /// Basis functions: two and a half for each cycle of the shortest wave that is searched. Their smoothness is chosen by gains on
 /// left-out frames.
@@ -97,7 +97,7 @@ fn own_function(block: &Block, states: &ObservedStates, size: [usize; 2]) -> Opt
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
 pub(super) fn share_of_own_function(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     states: &ObservedStates,
     effect: &Evidence,
@@ -133,7 +133,7 @@ pub(super) fn share_of_own_function(
 }
 
 /// The spec of an effect, and with those values of its constant that are searched only once it is in the model.
-fn variants(fit: &Calibrated, register: &Register, states: &ObservedStates, effect: &Evidence) -> Vec<PieceSpec> {
+fn variants(fit: &CalibratedCamera, register: &Register, states: &ObservedStates, effect: &Evidence) -> Vec<PieceSpec> {
     let missing = missing_effects(register, fit, states);
     let later = missing.iter().filter(|missing| missing.name == effect.name).flat_map(|missing| {
         let placement = effect.spec.placement;
@@ -148,14 +148,14 @@ mod tests {
     use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 
     use super::*;
-    use crate::calibrate::{CalibrateOptions, calibrate};
+    use crate::calibrate::{CameraOptions, calibrate_camera};
     use crate::simulated;
 
     #[test]
     fn effects_of_one_covariate_are_known_in_every_place_and_form() {
         let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], 3);
         let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
-        let fit = calibrate(&capture, &CalibrateOptions::default()).unwrap();
+        let fit = calibrate_camera(&capture, &CameraOptions::default()).unwrap();
         let states = ObservedStates::of(&fit);
         let register = Register::builtin();
         let covariate = |name: &str, placement: Placement| {

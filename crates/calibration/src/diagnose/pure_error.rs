@@ -11,8 +11,8 @@ use super::free_functions::Along;
 use super::pure_noise::{PureNoise, pure_noise};
 use super::residual_cells::{COVERS, Cells, Cover, LARGEST_SHARE, cells_of};
 use super::thresholds::Thresholds;
-use crate::calibrate::Calibrated;
-use crate::judge::evaluate::residual_pixels;
+use crate::calibrate::CalibratedCamera;
+use crate::judge::camera::residual_pixels;
 
 /// Fewest and most frames that are compared: pairs grow with their square.
 const FRAMES: [usize; 2] = [12, 64];
@@ -56,7 +56,7 @@ pub struct Shared {
 }
 
 /// The pure error of a fit; `None` without depth in six frames or more, from which it could be told.
-pub fn pure_error(fit: &Calibrated, thresholds: &Thresholds) -> Option<PureError> {
+pub fn pure_error(fit: &CalibratedCamera, thresholds: &Thresholds) -> Option<PureError> {
     let frames = &fit.capture.frames;
     let with_depth: Vec<usize> = (0..frames.len()).filter(|i| !frames[*i].samples.is_empty()).collect();
     let most = (MOST_PIXELS / (fit.capture.width * fit.capture.height).max(1)).clamp(FRAMES[0], FRAMES[1]);
@@ -113,7 +113,7 @@ mod tests {
     use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 
     use super::*;
-    use crate::calibrate::{CalibrateOptions, calibrate};
+    use crate::calibrate::{CameraOptions, calibrate_camera};
     use crate::observe::RawFrame;
     use crate::simulated;
 
@@ -128,7 +128,7 @@ mod tests {
                 pixel.depth_mm += if is_even { stripes_mm } else { -stripes_mm };
             }
         }
-        let fit = calibrate(&capture, &CalibrateOptions::default()).unwrap();
+        let fit = calibrate_camera(&capture, &CameraOptions::default()).unwrap();
         pure_error(&fit, &Thresholds::default()).unwrap()
     }
 

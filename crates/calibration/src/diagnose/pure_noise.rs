@@ -10,7 +10,7 @@ use depthcal_statistics::nearest_rank;
 use rayon::prelude::*;
 
 use super::residual_cells::{Cells, Cover, LARGEST_SHARE};
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::observe::depth_sampling::{LONGEST_PX, distance_of_the_sill};
 use crate::observe::noise::{DepthNoise, fit_depth_noise};
 
@@ -87,7 +87,7 @@ fn index(cover: &Cover, cells: &Cells, size: [usize; 2]) -> usize {
 }
 
 /// The pure noise of frames' residuals that share something in the cells of `shared`, or nothing; `None` where they are too few.
-pub(super) fn pure_noise(fit: &Calibrated, frames: &[&[Cells]], shared: Option<&Cover>) -> Option<PureNoise> {
+pub(super) fn pure_noise(fit: &CalibratedCamera, frames: &[&[Cells]], shared: Option<&Cover>) -> Option<PureNoise> {
     let size = shared.map_or([0; 2], |cover| cover.size(frames.iter().copied()));
     let mut total = vec![(0.0_f32, 0.0_f32); size[0] * size[1]];
     for frame in frames {

@@ -1,7 +1,7 @@
 //! The record of a diagnosis: `diagnosis.json`.
 
 use depthcal_io::{
-    CameraDiagnosis, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor,
+    CameraDiagnosis as CameraRecord, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor,
     DiagnosisCovariate, DiagnosisDecision, DiagnosisExchange, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause,
     DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisPossible,
     DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
@@ -12,7 +12,7 @@ use depthcal_model::{Covariate, ModelSpec};
 
 use super::bad_frames::{BadFrame, BadFrameReason};
 use super::decision::{Competitor, Decision};
-use super::diagnosis::Diagnosis;
+use super::diagnosis::CameraDiagnosis;
 use super::discovery::RunnerUp;
 use super::evidence::Evidence;
 use super::experiment_design::CaptureProposal;
@@ -33,9 +33,9 @@ const LARGEST_RATIO: f64 = 1e3;
 
 /// The record of a diagnosis of a dataset that was fitted with `model`. Its separability is left empty:
 /// [`super::separability::separability`] takes a linearisation of its own.
-pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: ModelSpec) -> CameraDiagnosis {
+pub fn to_file(diagnosis: &CameraDiagnosis, dataset: FileReference, model: ModelSpec) -> CameraRecord {
     let rounds: Vec<DiagnosisRound> = diagnosis.rounds.iter().map(round).collect();
-    CameraDiagnosis {
+    CameraRecord {
         dataset,
         model,
         verdict: diagnosis.verdict,
@@ -126,7 +126,7 @@ fn step(step: &Step) -> DiagnosisStep {
 }
 
 /// Evidence for a step that is a formula; `None` for other steps.
-fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
+fn formula(diagnosis: &CameraDiagnosis, step: &Step) -> Option<DiagnosisFormula> {
     let discovery = diagnosis.formulas.iter().find(|formula| formula.effect.name() == step.spec.name)?;
     let definition = discovery.effect.definition();
     let runner_up = |r: &RunnerUp| DiagnosisRunnerUp {
@@ -157,6 +157,9 @@ fn exchange([covariate, instead]: &[String; 2]) -> DiagnosisExchange {
 }
 
 fn decision(round: &Round) -> DiagnosisDecision {
+    if let Some(RoundOutcome::Explained { effects, removed }) = &round.outcome {
+        return DiagnosisDecision::Explained { effects: effects.clone(), taken_out: removed.clone() };
+    }
     match &round.decision {
         Decision::Nothing => DiagnosisDecision::Nothing,
         Decision::Add { effect, jointly_with, explained, of_planes, leaves_unexplained, .. } => {

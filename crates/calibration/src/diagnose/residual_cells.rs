@@ -1,7 +1,7 @@
 //! Board pixels with their residuals in the cells of grids over the covariates, in which frames are compared.
 
 use super::along::Along;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::judge::depth_errors::PixelError;
 
 /// Side of the finest cells on the board and in depth, mm.
@@ -76,7 +76,7 @@ pub(super) const COVERS: [Cover; 12] = [
 ];
 
 /// The cells of a frame's pixels, and the sums of their squared errors, mm², and of the inverse variances of their noise, 1/mm².
-pub(super) fn cells_of(fit: &Calibrated, errors: &[PixelError]) -> (Vec<Cells>, [f64; 2]) {
+pub(super) fn cells_of(fit: &CalibratedCamera, errors: &[PixelError]) -> (Vec<Cells>, [f64; 2]) {
     let mut sums = [0.0; 2];
     let [_, _, cx, cy, _] = fit.camera.pinhole();
     let cells = errors.iter().map(|p| {

@@ -55,6 +55,13 @@ pub enum RoundOutcome {
         /// Effects of earlier rounds that these make unnecessary, and that are removed.
         removed: Vec<PieceSpec>,
     },
+    /// Functions of what the residuals depend on are added, all together, whatever the decision.
+    Explained {
+        /// Their specifications, or those of the effects that they were named.
+        effects: Vec<PieceSpec>,
+        /// Effects of earlier rounds that these make unnecessary, and that are removed.
+        removed: Vec<PieceSpec>,
+    },
     /// The effect is not added: with it the errors on held-out frames are no smaller.
     NoHeldOutGain,
     /// The effect is not added: the model with it cannot be fitted.

@@ -11,7 +11,7 @@ use depthcal_solver::score::ScoreError;
 use nalgebra::DVector;
 
 use super::candidate_blocks::{CandidateBlock, linearize};
-use super::diagnosis::Diagnosis;
+use super::diagnosis::CameraDiagnosis;
 use super::free_map::FREE_MAP;
 
 /// The matrix over the effects that were added and all others that the captures show, given the declared model.
@@ -19,7 +19,7 @@ use super::free_map::FREE_MAP;
 /// # Errors
 ///
 /// [`ScoreError`] where the declared model cannot be linearised.
-pub fn separability(d: &Diagnosis, register: &Register) -> Result<Separability, ScoreError> {
+pub fn separability(d: &CameraDiagnosis, register: &Register) -> Result<Separability, ScoreError> {
     let (mut candidates, mut changes): (Vec<CandidateBlock>, Vec<DVector<f64>>) = (Vec::new(), Vec::new());
     let mut add = |name: &str, spec: &PieceSpec, theta: &[f64]| {
         let candidate = CandidateBlock::effect(register, spec.clone());

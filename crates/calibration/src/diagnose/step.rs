@@ -10,7 +10,7 @@ use super::error::DiagnoseError;
 use super::free_map::FREE_MAP;
 use super::held_out::HeldOut;
 use super::observed_states::ObservedStates;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::judge::cross_validation::{depth_gain_percent, depth_rms_interval};
 
 /// An effect that was added.
@@ -53,7 +53,11 @@ pub struct Step {
 /// # Errors
 ///
 /// [`DiagnoseError::NotFitted`] where the fit lacks one of them.
-pub(super) fn steps(added: &[AddedEffect], declared: &HeldOut, fit: &Calibrated) -> Result<Vec<Step>, DiagnoseError> {
+pub(super) fn steps(
+    added: &[AddedEffect],
+    declared: &HeldOut,
+    fit: &CalibratedCamera,
+) -> Result<Vec<Step>, DiagnoseError> {
     let states = ObservedStates::of(fit);
     let befores = std::iter::once(declared).chain(added.iter().map(|a| &a.after));
     let step = |(added, before): (&AddedEffect, &HeldOut)| {
@@ -97,12 +101,12 @@ fn not_told_apart(added: &AddedEffect) -> Vec<DiagnosisPlace> {
 }
 
 /// The block of a name and the range of its parameters among those of the camera.
-fn fitted_block<'a>(fit: &'a Calibrated, name: &str) -> Option<(Range<usize>, &'a Block)> {
+fn fitted_block<'a>(fit: &'a CalibratedCamera, name: &str) -> Option<(Range<usize>, &'a Block)> {
     fit.camera.blocks_with_ranges().find(|(block, _)| block.name() == name).map(|(block, range)| (range, block))
 }
 
 /// The parameters of a block with their standard deviations; `range` is their place among those of the camera.
-fn fitted_parameters(fit: &Calibrated, range: Range<usize>, block: &Block) -> Vec<DiagnosisParameter> {
+fn fitted_parameters(fit: &CalibratedCamera, range: Range<usize>, block: &Block) -> Vec<DiagnosisParameter> {
     let stds = fit.std_devs();
     let each = block.parameters().iter().zip(&block.theta).zip(&stds[range]);
     each.map(|((p, value), std)| DiagnosisParameter {

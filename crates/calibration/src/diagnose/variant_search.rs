@@ -17,7 +17,7 @@ use super::candidates::{Effect, around, finer, missing_effects};
 use super::evidence::{Evidence, difference};
 use super::observed_states::ObservedStates;
 use super::thresholds::Thresholds;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 
 /// Variants that are tested in one linearisation: enough to share its cost, few enough to share the variants among threads.
 const VARIANTS_PER_LINEARIZATION: usize = 24;
@@ -49,7 +49,7 @@ type Scored = (usize, Variant, f64);
 /// Tests variants of `effects`, each given with the number of its effect, and hands each linearisation with the tested ones to
 /// `read`.
 fn test<T: Send>(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     effects: &[Effect],
     variants: &[(usize, Variant)],
@@ -70,7 +70,7 @@ fn test<T: Send>(
 
 /// Score statistics of variants.
 fn scored(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     effects: &[Effect],
     variants: &[(usize, Variant)],
@@ -87,7 +87,7 @@ fn best(scores: &[Scored], i: usize, select: impl Fn(&Variant) -> bool) -> Optio
 }
 
 /// The fit with every [`SAMPLE_STEP`]-th sample of its frames.
-fn thinned(fit: &Calibrated) -> Calibrated {
+fn thinned(fit: &CalibratedCamera) -> CalibratedCamera {
     let mut thinned = fit.clone();
     for frame in &mut thinned.capture.frames {
         frame.samples = Arc::new(frame.samples.iter().step_by(SAMPLE_STEP).copied().collect());
@@ -114,7 +114,7 @@ fn finalists(mut scores: Vec<Scored>) -> Vec<(usize, Variant)> {
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
 pub(super) fn best_variants(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     effects: &[Effect],
     thresholds: &Thresholds,
@@ -171,7 +171,7 @@ pub(super) struct Refined {
 /// the effect are held. Its own equation's place and form are taken where they cannot be told from the best and explain
 /// nearly as much.
 pub(super) fn refined_variant(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     added: &Evidence,
     thresholds: &Thresholds,
@@ -179,7 +179,7 @@ pub(super) fn refined_variant(
     if added.reduced.as_ref() == Some(&added.spec) {
         return None;
     }
-    let without = Calibrated { camera: fit.camera.filtered(|b| b.name() != added.name), ..fit.clone() };
+    let without = CalibratedCamera { camera: fit.camera.filtered(|b| b.name() != added.name), ..fit.clone() };
     let states = ObservedStates::of(fit);
     let effect = missing_effects(register, &without, &states).into_iter().find(|e| e.name == added.name)?;
     let effects = std::slice::from_ref(&effect);

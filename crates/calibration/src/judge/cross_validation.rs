@@ -5,19 +5,21 @@ use depthcal_statistics::{Bootstrap, Thinning};
 use rayon::prelude::*;
 use tracing::debug;
 
-use super::evaluate::{Evaluated, EvaluatedFrame, evaluate_part};
+use super::camera::{EvaluatedCamera, EvaluatedFrame, evaluate_part};
+use super::evaluate::{Evaluated, NotFitted};
 use super::linearity::is_linear;
 use super::parts::{Parts, parts_of};
-use super::rig::{EvaluatedRig, NotFitted};
 use crate::adjust::leave_out::{camera_of_frames, cameras_without_parts};
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, has_fields, readjust};
+use crate::calibrate::{
+    CalibrateError, CalibratedCamera, CameraOptions, Estimator, calibrate_camera, has_fields, readjust,
+};
 use crate::observe::board_pixels::board_area_px;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::noise::DepthNoise;
-use crate::observe::{Capture, SampledFrame};
+use crate::observe::{CameraFrames, SampledFrame};
 
 /// The frames to fit and the held-out ones, every `every`-th counted from `first`.
-pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture) {
+pub fn split(capture: &CameraFrames, every: usize, first: usize) -> (CameraFrames, CameraFrames) {
     let held = |i: usize| i % every == first;
     let mut held_out = capture.subset(|i, _| held(i));
     held_out.dropped.clear();
@@ -31,28 +33,28 @@ pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture
 /// # Errors
 ///
 /// [`CalibrateError`] if no fold could be fitted.
-pub fn cross_validate(
-    fit: &Calibrated,
+pub fn cross_validate_camera(
+    fit: &CalibratedCamera,
     parts: usize,
     how: Parts,
-    options: &CalibrateOptions,
-) -> Result<Evaluated, CalibrateError> {
+    options: &CameraOptions,
+) -> Result<EvaluatedCamera, CalibrateError> {
     cross_validate_thinned(fit, parts, how, usize::MAX, options)
 }
 
-/// [`cross_validate`] judged on about `most_pixels` board pixels of a frame on average: enough to compare models. Frames have the
-/// weight that they have with all their pixels.
+/// [`cross_validate_camera`] judged on about `most_pixels` board pixels of a frame on average: enough to compare models. Frames
+/// have the weight that they have with all their pixels.
 ///
 /// # Errors
 ///
 /// [`CalibrateError`] if no fold could be fitted.
 pub fn cross_validate_thinned(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     parts: usize,
     how: Parts,
     most_pixels: usize,
-    options: &CalibrateOptions,
-) -> Result<Evaluated, CalibrateError> {
+    options: &CameraOptions,
+) -> Result<EvaluatedCamera, CalibrateError> {
     let job = options.progress.steps("cross-validating", parts);
     let markers: Vec<usize> = fit.capture.frames.iter().map(|f| f.markers.len()).collect();
     let part_of = parts_of(&markers, parts, how);
@@ -81,10 +83,10 @@ pub fn cross_validate_thinned(
         let camera = match near {
             Some(camera) => Ok(camera),
             None if is_joint => readjust(fit, others(), options).map(|fit| fit.camera),
-            None => calibrate(&others().detected(), options).map(|fit| fit.camera),
+            None => calibrate_camera(&others().detected(), options).map(|fit| fit.camera),
         };
         let evaluated = camera
-            .map(|camera| EvaluatedRig::of_camera(CAMERA, evaluate_part(&camera, &held, thinning, markers.len())))
+            .map(|camera| Evaluated::of_camera(CAMERA, evaluate_part(&camera, &held, thinning, markers.len())))
             .map_err(|error| {
                 let names = held.frames.iter().map(|frame| frame.name.clone()).collect();
                 Box::new(NotFitted { error, frames: vec![(CAMERA.to_owned(), names)] })
@@ -93,13 +95,13 @@ pub fn cross_validate_thinned(
         evaluated
     };
     let evaluated = (0..parts).into_par_iter().map(of_part).collect();
-    let none = Evaluated { name: fit.capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
-    let mut all = EvaluatedRig::of_camera(CAMERA, none).joined(evaluated, "model")?;
+    let none = EvaluatedCamera { name: fit.capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
+    let mut all = Evaluated::of_camera(CAMERA, none).joined(evaluated, "model")?;
     Ok(all.cameras.swap_remove(0).1)
 }
 
 /// Which pixels are judged where about `most` of a frame are wanted on average: the same share of every frame's.
-fn thinning(fit: &Calibrated, most: usize) -> Thinning {
+fn thinning(fit: &CalibratedCamera, most: usize) -> Thinning {
     let frames = &fit.capture.frames;
     // Where frames have single pixels instead of images, these are all judged.
     if frames.iter().any(|f| !f.raw.depth_pixels().is_empty()) {
@@ -113,7 +115,7 @@ fn thinning(fit: &Calibrated, most: usize) -> Thinning {
 }
 
 /// The errors after correction, one number of each kind.
-pub fn errors(evaluated: &Evaluated) -> HeldOutErrors {
+pub fn errors(evaluated: &EvaluatedCamera) -> HeldOutErrors {
     let record = evaluated.record();
     HeldOutErrors {
         dot_error_mm: record.dot_error_mm.map(|e| e.after.mean),
@@ -149,7 +151,7 @@ fn pooled_rms(frames: impl Iterator<Item = (f64, f64)>) -> f64 {
 
 /// Root mean square depth error after correction, mm, with its 95 % interval over frames; `None` with fewer than three frames
 /// with depth.
-pub fn depth_rms_interval(evaluated: &Evaluated) -> Option<Interval> {
+pub fn depth_rms_interval(evaluated: &EvaluatedCamera) -> Option<Interval> {
     let frames: Vec<(f64, f64)> = evaluated.frames.iter().map(squares).filter(|f| f.1 > 0.0).collect();
     if frames.len() < FEWEST_FRAMES {
         return None;
@@ -160,7 +162,7 @@ pub fn depth_rms_interval(evaluated: &Evaluated) -> Option<Interval> {
 }
 
 /// The frames of two evaluations that both have, in pairs.
-fn pairs<'a>(before: &'a Evaluated, after: &'a Evaluated) -> impl Iterator<Item = [&'a EvaluatedFrame; 2]> {
+fn pairs<'a>(before: &'a EvaluatedCamera, after: &'a EvaluatedCamera) -> impl Iterator<Item = [&'a EvaluatedFrame; 2]> {
     let after_of = |b: &EvaluatedFrame| after.frames.iter().find(|a| a.name == b.name);
     before.frames.iter().filter_map(move |b| Some([b, after_of(b)?]))
 }
@@ -178,7 +180,7 @@ fn fall_percent([before, after]: [f64; 2]) -> f64 {
 
 /// Fall of the root mean square depth error from one model to another on the same frames, per cent, with its 95 %
 /// interval over frames, which are resampled in pairs. `None` without depth.
-pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInterval> {
+pub fn depth_gain_percent(before: &EvaluatedCamera, after: &EvaluatedCamera) -> Option<GainInterval> {
     let pairs: Vec<[(f64, f64); 2]> =
         pairs(before, after).map(|p| p.map(squares)).filter(|[b, a]| b.1 > 0.0 && a.1 > 0.0).collect();
     let side = |drawn: &[usize], i: usize| pooled_rms(drawn.iter().map(|d| pairs[*d][i]));
@@ -187,7 +189,7 @@ pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainI
 
 /// Fall of the mean dot error after correction from one model to another on the same frames, per cent, with its 95 % interval
 /// over frames. `None` without depth at markers.
-pub fn dot_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInterval> {
+pub fn dot_gain_percent(before: &EvaluatedCamera, after: &EvaluatedCamera) -> Option<GainInterval> {
     let sum = |f: &EvaluatedFrame| (f.dots.iter().map(|d| d[1]).sum::<f64>(), f.dots.len() as f64);
     let pairs: Vec<[(f64, f64); 2]> =
         pairs(before, after).map(|p| p.map(sum)).filter(|[b, a]| b.1 > 0.0 && a.1 > 0.0).collect();
@@ -201,7 +203,11 @@ pub fn dot_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInt
 /// Fall of the product of two errors, per cent, with its 95 % interval over frames: of depth weighted by the noise, so that near
 /// pixels, where noise is small, count as much as far ones, and of reprojection. Every frame counts alike, by the geometric mean
 /// of the frames' errors: a frame far outside the others' poses, which they do not determine, decides nothing alone.
-pub fn weighted_gain_percent(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Option<GainInterval> {
+pub fn weighted_gain_percent(
+    before: &EvaluatedCamera,
+    after: &EvaluatedCamera,
+    noise: &DepthNoise,
+) -> Option<GainInterval> {
     let falls = weighted_falls(before, after, noise);
     gain_over(falls.len(), |drawn| mean_fall_percent(drawn.iter().map(|d| falls[*d])))
 }
@@ -209,8 +215,8 @@ pub fn weighted_gain_percent(before: &Evaluated, after: &Evaluated, noise: &Dept
 /// [`weighted_gain_percent`] with its interval over blocks of consecutive frames, which are resampled whole: what a function of
 /// time takes up in one stretch of a recording may be anything that happened there.
 pub fn weighted_gain_of_blocks_percent(
-    before: &Evaluated,
-    after: &Evaluated,
+    before: &EvaluatedCamera,
+    after: &EvaluatedCamera,
     noise: &DepthNoise,
 ) -> Option<GainInterval> {
     let falls = weighted_falls(before, after, noise);
@@ -226,7 +232,7 @@ fn mean_fall_percent(frames: impl Iterator<Item = [f64; 2]>) -> f64 {
 
 /// Logarithms of the ratio of every frame's weighted depth errors after and before, and of its reprojection errors; in the order
 /// of the frames.
-fn weighted_falls(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Vec<[f64; 2]> {
+fn weighted_falls(before: &EvaluatedCamera, after: &EvaluatedCamera, noise: &DepthNoise) -> Vec<[f64; 2]> {
     let logarithm = |[before, after]: [(f64, f64); 2]| {
         let ratio = pooled_rms([after].into_iter()) / pooled_rms([before].into_iter());
         if ratio.is_finite() && ratio > 0.0 { ratio.ln() } else { 0.0 }
@@ -235,7 +241,7 @@ fn weighted_falls(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> 
 }
 
 /// Sum and number of the squared weighted depth errors and of the squared reprojection errors of every frame, before and after.
-fn weighted_pairs(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Vec<[[(f64, f64); 2]; 2]> {
+fn weighted_pairs(before: &EvaluatedCamera, after: &EvaluatedCamera, noise: &DepthNoise) -> Vec<[[(f64, f64); 2]; 2]> {
     let weighted = |f: &EvaluatedFrame| {
         // A depth error e has the size e ρ² in inverse depth.
         let of_noise = f.pixels.iter().map(|p| {
@@ -255,10 +261,10 @@ fn weighted_pairs(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> 
 mod tests {
     use super::*;
 
-    fn evaluated(errors_mm: &[f64]) -> Evaluated {
+    fn evaluated(errors_mm: &[f64]) -> EvaluatedCamera {
         let frames = errors_mm.iter().enumerate();
         let frames = frames.map(|(i, e)| EvaluatedFrame::of_depth_errors(format!("{i:03}"), &[*e; 10]));
-        Evaluated { name: "test".into(), frames: frames.collect(), dropped: Vec::new() }
+        EvaluatedCamera { name: "test".into(), frames: frames.collect(), dropped: Vec::new() }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use depthcal_model::Camera;
 
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::observe::board_plane::BoardPlane;
 
 /// Largest root mean square, in standard deviations of depth, of what the second order of a step adds to predicted depths: errors
@@ -14,7 +14,7 @@ const SAMPLES_PER_FRAME: usize = 24;
 /// Whether the depths that the model predicts are linear in the step from the fitted camera to `stepped`: half the second
 /// difference along the step, at the fitted poses, is far below the noise. In directions that the data hardly determine steps are
 /// long, and they are not.
-pub(super) fn is_linear(fit: &Calibrated, stepped: &Camera) -> bool {
+pub(super) fn is_linear(fit: &CalibratedCamera, stepped: &Camera) -> bool {
     let (here, there) = (fit.camera.theta(), stepped.theta());
     let back: Vec<f64> = here.iter().zip(&there).map(|(here, there)| 2.0 * here - there).collect();
     let back = fit.camera.with_theta(&back);

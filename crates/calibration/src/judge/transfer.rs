@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::judge::evaluate::Evaluated;
+use crate::judge::camera::EvaluatedCamera;
 use depthcal_io::{TransferAtDistance, TransferError};
 use depthcal_model::Camera;
 use depthcal_statistics::rms;
@@ -44,7 +44,7 @@ pub struct Transfer {
 }
 
 /// Errors between all pairs of cameras; pairs without common markers are left out.
-pub(super) fn transfers(cameras: &[(&PlacedCamera, &CameraCapture)], evaluated: &[Evaluated]) -> Vec<Transfer> {
+pub(super) fn transfers(cameras: &[(&PlacedCamera, &CameraCapture)], evaluated: &[EvaluatedCamera]) -> Vec<Transfer> {
     let mut transfers = Vec::new();
     for (from, from_errors) in cameras.iter().zip(evaluated) {
         for (to, to_errors) in cameras.iter().zip(evaluated) {
@@ -62,9 +62,9 @@ pub(super) fn transfers(cameras: &[(&PlacedCamera, &CameraCapture)], evaluated: 
 
 fn points(
     from: &PlacedCamera,
-    from_errors: &Evaluated,
+    from_errors: &EvaluatedCamera,
     (to, capture): (&PlacedCamera, &CameraCapture),
-    to_errors: &Evaluated,
+    to_errors: &EvaluatedCamera,
 ) -> Vec<TransferPoint> {
     let seen: BTreeMap<&str, BTreeMap<usize, [f64; 2]>> = capture
         .capture

@@ -16,7 +16,7 @@ use tracing::{debug, info, warn};
 
 use super::cache::{self, DETECTION, DETECTION_VERSION, LAYOUT};
 use super::circle_diameter::MeasuredDiameter;
-use super::declared_camera::{DeclaredCameraError, declared_camera};
+use super::declared_camera::declared_camera;
 use super::error::LoadError;
 use super::found::Found;
 use super::given_markers::given_markers;
@@ -27,7 +27,7 @@ use super::same_frames::drop_copies;
 use crate::cause::{TRIED, board_cause};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{
-    CameraCapture, Capture, DetectedFrame, DroppedFrame, MeasuredDepth, RawFrame, RigCapture, Stored,
+    CameraCapture, CameraFrames, Capture, DetectedFrame, DroppedFrame, MeasuredDepth, RawFrame, Stored,
 };
 use crate::progress::ProgressHandle;
 #[cfg(feature = "detect")]
@@ -95,7 +95,7 @@ pub struct LoadedCamera {
     /// Path and digest, for the record.
     pub reference: FileReference,
     /// Observations; frames of a camera without images have no markers.
-    pub capture: Capture,
+    pub capture: CameraFrames,
     /// Whether the markers came from the cache.
     pub from_cache: bool,
     /// The diameter of the board's dots, measured in the images; `None` for boards without dots.
@@ -144,7 +144,7 @@ impl Loaded {
     }
 
     /// Observations of all cameras, without declared intrinsics.
-    pub fn observed(&self) -> RigCapture {
+    pub fn observed(&self) -> Capture {
         let camera = |loaded: &LoadedCamera| CameraCapture {
             name: loaded.declared.name.clone(),
             capture: loaded.capture.clone(),
@@ -152,24 +152,24 @@ impl Loaded {
             lens: loaded.declared.camera.as_ref().and_then(|camera| camera.lens.clone()),
             camera_from_rig: loaded.declared.camera_from_rig.map(rigid_motion),
         };
-        RigCapture { name: self.name.clone(), cameras: self.cameras.iter().map(camera).collect() }
+        Capture { name: self.name.clone(), cameras: self.cameras.iter().map(camera).collect() }
     }
 
-    /// Observations of all cameras, with the intrinsics that the dataset declares.
+    /// Observations of all cameras, with the intrinsics that the dataset declares. `lens` is the lens model that is asked for
+    /// whatever the dataset declares.
     ///
     /// # Errors
     ///
-    /// [`LoadError::Camera`] where a declared camera cannot be used.
-    pub fn capture(&self, register: &Register) -> Result<RigCapture, LoadError> {
+    /// [`LoadError::DeclaredCamera`], [`LoadError::Camera`] where a declared camera cannot be used.
+    pub fn capture(&self, lens: Option<&str>, register: &Register) -> Result<Capture, LoadError> {
         let mut capture = self.observed();
         for (camera, loaded) in capture.cameras.iter_mut().zip(&self.cameras) {
             let (width, height) = (loaded.capture.width, loaded.capture.height);
-            let declared = declared_camera(&loaded.declared, width, height, None, register);
-            let of_camera = |error: DeclaredCameraError| LoadError::Camera {
-                camera: camera.name.clone(),
-                source: Box::new(error.into()),
+            let declared = declared_camera(&loaded.declared, width, height, lens, register).map_err(LoadError::from);
+            camera.declared = match self.cameras.len() {
+                1 => declared?,
+                _ => declared.map_err(|e| LoadError::Camera { camera: camera.name.clone(), source: Box::new(e) })?,
             };
-            camera.declared = declared.map_err(of_camera)?;
         }
         Ok(capture)
     }
@@ -177,7 +177,7 @@ impl Loaded {
 
 impl LoadedCamera {
     /// A capture whose markers, if it has any, are given: nothing was detected or measured in its images.
-    pub fn of_capture(declared: DatasetCamera, reference: FileReference, capture: Capture) -> Self {
+    pub fn of_capture(declared: DatasetCamera, reference: FileReference, capture: CameraFrames) -> Self {
         Self {
             declared,
             reference,
@@ -361,7 +361,7 @@ pub(super) fn assemble(
     let without_board = dropped.len();
     drop_copies(&mut frames_with_board, &mut dropped);
     dropped.extend(dataset.strays.iter().map(|s| DroppedFrame { name: s.name.clone(), reason: s.reason.clone() }));
-    let capture = Capture {
+    let capture = CameraFrames {
         name: dataset.title.clone(),
         target: dataset.target.clone(),
         width,
@@ -382,7 +382,7 @@ fn read_depth_only(dataset: DatasetCamera, path: &Path, options: &LoadOptions) -
     let (frames, (width, height)) = read_frames(&dataset, options.image_memory, &options.progress)?;
     let detected = |raw| DetectedFrame { raw, ..DetectedFrame::default() };
     let strays = dataset.strays.iter().map(|s| DroppedFrame { name: s.name.clone(), reason: s.reason.clone() });
-    let capture = Capture {
+    let capture = CameraFrames {
         name: dataset.title.clone(),
         target: dataset.target.clone(),
         width,

@@ -12,8 +12,8 @@ use tracing::info;
 use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
 use super::found::Found;
-use crate::calibrate::{CalibrateOptions, Calibrated, calibrate_image};
-use crate::observe::{Capture, DetectedFrame, MarkerObservation, PosedFrame, RawFrame};
+use crate::calibrate::{CalibratedCamera, CameraOptions, calibrate_image};
+use crate::observe::{CameraFrames, DetectedFrame, MarkerObservation, PosedFrame, RawFrame};
 use crate::progress::ProgressHandle;
 use crate::start::{FrameMarkers, is_wide};
 
@@ -157,7 +157,7 @@ fn refine(
 ) -> Result<bool, LoadError> {
     let Some(first) = frames.iter().find_map(|f| f.image.as_ref()) else { return Ok(false) };
     let (width, height) = first.get().map(|i| (i.width, i.height))?;
-    let capture = Capture {
+    let capture = CameraFrames {
         name: String::new(),
         target: target.clone(),
         width,
@@ -222,16 +222,15 @@ fn refine(
 
 /// The camera under which dots are fitted again: with the default lens; of wide images with that of two lenses for such that
 /// keeps more frames or leaves less.
-fn any_lens(capture: &Capture, register: &Register) -> Option<Calibrated<PosedFrame>> {
+fn any_lens(capture: &CameraFrames, register: &Register) -> Option<CalibratedCamera<PosedFrame>> {
     let with_lens = |lens: &str| {
-        let options =
-            CalibrateOptions { register: register.clone(), lens: lens.to_owned(), ..CalibrateOptions::default() };
+        let options = CameraOptions { register: register.clone(), lens: lens.to_owned(), ..CameraOptions::default() };
         calibrate_image(capture, &options).ok()
     };
     let markers: Vec<FrameMarkers<'_>> =
         capture.frames.iter().map(|f| FrameMarkers { name: &f.name, markers: &f.markers }).collect();
     if !is_wide(&capture.target, capture.width, capture.height, &markers, register) {
-        return with_lens(&CalibrateOptions::default().lens);
+        return with_lens(&CameraOptions::default().lens);
     }
     ["kannala-brandt", "opencv8"].into_iter().filter_map(with_lens).min_by(|a, b| {
         let by_frames = b.capture.frames.len().cmp(&a.capture.frames.len());

@@ -1,78 +1,87 @@
-//! All frames of a dataset at one stage.
+//! Observations of the cameras of a capture.
 
-use depthcal_io::DroppedFrame;
-use depthcal_model::{Target, Technology};
+use std::collections::BTreeSet;
+
+use crate::observe::CameraFrames;
+use depthcal_model::Camera;
 use nalgebra::Isometry3;
 
-use super::stages::{AdjustableFrame, DetectedFrame};
-
-/// The frames of a dataset at one stage; without a type argument, those in which the board was detected.
+/// The frames of all cameras that were captured together, of which there may be one. Frames of different cameras that were taken
+/// together have the same name.
 #[derive(Debug, Clone)]
-pub struct Capture<F = DetectedFrame> {
+pub struct Capture {
     /// The dataset's name.
     pub name: String,
-    /// The board.
-    pub target: Target,
-    /// Width of the images, px.
-    pub width: usize,
-    /// Height, px.
-    pub height: usize,
-    /// Millimetres per step of the depth images, where there are any.
-    pub depth_unit_mm: Option<f64>,
-    /// The principle by which the camera measures depth, where it is declared.
-    pub technology: Option<Technology>,
-    /// The frames.
-    pub frames: Vec<F>,
-    /// Frames that are not used.
-    pub dropped: Vec<DroppedFrame>,
+    /// The cameras; the first is the reference.
+    pub cameras: Vec<CameraCapture>,
 }
 
-impl<F: Clone> Capture<F> {
-    /// This capture with only those frames for which `keep` (given their position) is true.
-    pub fn subset(&self, keep: impl Fn(usize, &F) -> bool) -> Self {
-        let frames = self.frames.iter().enumerate().filter(|(i, f)| keep(*i, f)).map(|(_, f)| f.clone()).collect();
-        self.with_frames(frames)
+/// Observations of one camera of a capture.
+#[derive(Debug, Clone)]
+pub struct CameraCapture {
+    /// The camera's name.
+    pub name: String,
+    /// Its frames. Those of a camera without images have no markers.
+    pub capture: CameraFrames,
+    /// A camera to start from or, where its parameters are held, to keep.
+    pub declared: Option<Camera>,
+    /// The lens model that the dataset declares.
+    pub lens: Option<String>,
+    /// Its extrinsics where they are known: no fit changes them.
+    pub camera_from_rig: Option<Isometry3<f64>>,
+}
+
+impl CameraCapture {
+    /// Whether it has images in which the board was found.
+    pub fn has_markers(&self) -> bool {
+        self.capture.frames.iter().any(|frame| !frame.markers.is_empty())
     }
 }
 
-impl<F> Capture<F> {
-    /// This dataset with other frames, for example those of another stage.
-    pub fn with_frames<G>(&self, frames: Vec<G>) -> Capture<G> {
-        Capture {
-            name: self.name.clone(),
-            target: self.target.clone(),
-            width: self.width,
-            height: self.height,
-            depth_unit_mm: self.depth_unit_mm,
-            technology: self.technology,
-            frames,
-            dropped: self.dropped.clone(),
+impl Capture {
+    /// The frames of a camera that is alone.
+    pub fn of_camera(camera: &str, capture: CameraFrames) -> Self {
+        let name = capture.name.clone();
+        let camera = camera.to_owned();
+        Self {
+            name,
+            cameras: vec![CameraCapture { name: camera, capture, declared: None, lens: None, camera_from_rig: None }],
         }
     }
-}
 
-impl<F: AsRef<DetectedFrame>> Capture<F> {
-    /// Whether any frame has depth.
+    /// Names of all frames, in the order in which cameras have them: those of the first camera first.
+    pub fn frame_names(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        let mut known = BTreeSet::new();
+        for frame in self.cameras.iter().flat_map(|camera| &camera.capture.frames) {
+            if known.insert(frame.name.clone()) {
+                names.push(frame.name.clone());
+            }
+        }
+        names
+    }
+
+    /// This capture with only those frames for which `keep`, given the name, is true.
+    #[must_use]
+    pub fn subset(&self, keep: impl Fn(&str) -> bool) -> Self {
+        let camera = |camera: &CameraCapture| CameraCapture {
+            capture: camera.capture.subset(|_, frame| keep(&frame.name)),
+            ..camera.clone()
+        };
+        Self { name: self.name.clone(), cameras: self.cameras.iter().map(camera).collect() }
+    }
+
+    /// Whether any camera has depth.
     pub fn has_depth(&self) -> bool {
-        self.frames.iter().any(|f| f.as_ref().has_depth())
+        self.cameras.iter().any(|camera| camera.capture.has_depth())
     }
 
-    /// The frames as they were detected.
-    pub fn detected(&self) -> Capture {
-        self.with_frames(self.frames.iter().map(|f| f.as_ref().clone()).collect())
-    }
-}
-
-impl<F: AdjustableFrame> Capture<F> {
-    /// Sets the pose of every frame.
-    pub fn set_poses(&mut self, poses: &[Isometry3<f64>]) {
-        for (frame, pose) in self.frames.iter_mut().zip(poses) {
-            frame.posed_mut().camera_from_board = *pose;
-        }
-    }
-
-    /// The poses of the frames.
-    pub fn poses(&self) -> impl Iterator<Item = Isometry3<f64>> + '_ {
-        self.frames.iter().map(|f| f.posed().camera_from_board)
+    /// The frames to fit and the held-out ones, every `every`-th counted from `first`.
+    pub fn split(&self, every: usize, first: usize) -> (Self, Self) {
+        let names = self.frame_names();
+        let held: BTreeSet<&str> = names.iter().skip(first).step_by(every).map(String::as_str).collect();
+        let mut held_out = self.subset(|name| held.contains(name));
+        held_out.cameras.iter_mut().for_each(|camera| camera.capture.dropped.clear());
+        (self.subset(|name| !held.contains(name)), held_out)
     }
 }

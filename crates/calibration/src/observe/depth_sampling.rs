@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::board_pixels::{BoardPixel, board_pixels};
 use super::board_plane::BoardPlane;
 use super::board_region::BoardRegion;
-use super::capture::Capture;
+use super::camera_frames::CameraFrames;
 use super::frame_light::keep_light;
 use super::noise::clipped_sigma;
 use super::outliers::{remove_outliers, remove_outliers_and_rim};
@@ -35,11 +35,11 @@ const FRAMES: usize = 8;
 ///
 /// [`ImageError`] where a depth image has become unreadable.
 pub fn sample_depth(
-    mut capture: Capture<PosedFrame>,
+    mut capture: CameraFrames<PosedFrame>,
     camera: &Camera,
     most_per_frame: usize,
     light: Option<Modulation>,
-) -> Result<(Capture<SampledFrame>, Option<usize>), ImageError> {
+) -> Result<(CameraFrames<SampledFrame>, Option<usize>), ImageError> {
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
     let rays = PixelRays::new(camera, &capture.target).with_light(light);
     keep_light(&mut capture, &rays)?;

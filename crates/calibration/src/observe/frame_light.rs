@@ -8,13 +8,13 @@ use depthcal_io::ImageError;
 use depthcal_model::{Context, FrameCovariates, Modulation, StrayLight};
 use rayon::prelude::*;
 
-use super::capture::Capture;
+use super::camera_frames::CameraFrames;
 use super::kept_light::FrameLight;
 use super::pixel_rays::PixelRays;
 use super::stages::{DepthSample, OpenFrame, PosedFrame, SampledFrame};
 
 /// Computes the light of all frames and keeps it with them.
-pub(super) fn keep_light(capture: &mut Capture<PosedFrame>, rays: &PixelRays<'_>) -> Result<(), ImageError> {
+pub(super) fn keep_light(capture: &mut CameraFrames<PosedFrame>, rays: &PixelRays<'_>) -> Result<(), ImageError> {
     let Some(modulation) = rays.modulation() else { return Ok(()) };
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
     capture.frames.par_iter_mut().try_for_each(|frame| {

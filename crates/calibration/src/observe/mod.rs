@@ -5,6 +5,7 @@ pub mod board_motion;
 pub mod board_pixels;
 pub mod board_plane;
 pub mod board_region;
+mod camera_frames;
 mod capture;
 pub mod depth_sampling;
 pub mod extrinsics_drift;
@@ -17,18 +18,17 @@ pub mod noise;
 pub mod outliers;
 pub mod pixel_rays;
 mod placed_camera;
-mod rig_capture;
 mod stages;
 pub mod stored;
 pub(crate) mod wrong_markers;
 
-pub use capture::Capture;
+pub use camera_frames::CameraFrames;
+pub use capture::{CameraCapture, Capture};
 pub use depthcal_io::{DroppedFrame, MarkerObservation};
 pub use extrinsics_drift::{PlaceDrift, Taken};
 pub use kept_light::FrameLight;
 pub use pixel_rays::PixelRays;
 pub use placed_camera::PlacedCamera;
-pub use rig_capture::{CameraCapture, RigCapture};
 pub use stages::{
     AdjustableFrame, DepthPixel, DepthSample, DetectedFrame, EvaluableFrame, MeasuredDepth, OpenFrame, PosedFrame,
     RawFrame, SampledFrame,

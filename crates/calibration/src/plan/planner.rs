@@ -16,7 +16,7 @@ use crate::adjust::state::{RigFrame, State};
 use crate::observe::board_pixels::board_area_px;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::noise::NoiseModel;
-use crate::observe::{Capture, SampledFrame, Taken};
+use crate::observe::{CameraFrames, SampledFrame, Taken};
 
 /// Distance of the farthest proposed frame over the largest depth that was captured.
 const FARTHER: f64 = 1.3;
@@ -234,13 +234,13 @@ fn inverse(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
 }
 
 /// Depth of the fitted samples, else of the boards, mm.
-fn fitted_depths(capture: &Capture<SampledFrame>) -> Vec<f64> {
+fn fitted_depths(capture: &CameraFrames<SampledFrame>) -> Vec<f64> {
     let samples: Vec<f64> = capture.frames.iter().flat_map(|f| f.samples.iter().map(|s| s.depth_mm)).collect();
     if samples.is_empty() { capture.poses().map(|p| p.translation.vector.z).collect() } else { samples }
 }
 
 /// Conditions in the middle of those of the fit.
-fn conditions(capture: &Capture<SampledFrame>) -> Context {
+fn conditions(capture: &CameraFrames<SampledFrame>) -> Context {
     let contexts = || capture.frames.iter().flat_map(|f| f.samples.iter().map(|s| s.context));
     let middle = |value: fn(&Context) -> f64| quantile(contexts().map(|c| value(&c)), 0.5);
     Context {
@@ -325,7 +325,7 @@ fn predicted_state(state: &State, poses: &[Isometry3<f64>], conditions: &Context
 }
 
 /// Depth samples per pixel of the board in the median fitted frame, and most of any frame; zeros without depth.
-fn sample_density(capture: &Capture<SampledFrame>, camera: &depthcal_model::Camera) -> [f64; 2] {
+fn sample_density(capture: &CameraFrames<SampledFrame>, camera: &depthcal_model::Camera) -> [f64; 2] {
     let with_depth = || capture.frames.iter().filter(|frame| !frame.samples.is_empty());
     if with_depth().next().is_none() {
         return [0.0; 2];

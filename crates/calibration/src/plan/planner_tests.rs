@@ -6,21 +6,21 @@ use nalgebra::DMatrix;
 use super::error::Error;
 use super::{Goal, GoalError, Planner};
 use crate::adjust::state::{CameraState, State};
-use crate::calibrate::{CalibrateOptions, Calibrated, calibrate, parameter_names};
+use crate::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera, parameter_names};
 use crate::simulated;
 
 /// A fit to so many of the frames of a simulated capture.
-fn fitted(frames: usize) -> Calibrated {
+fn fitted(frames: usize) -> CalibratedCamera {
     let noise = Noise { depth: DepthNoise::Disparity { sigma_rho: 2e-6 }, ..Noise::default() };
     let simulation =
         Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], 3).frames(12).noise(noise);
     let options = PointOptions { depth_samples: 100, ..PointOptions::default() };
     let capture = simulated::capture(&simulation.observe_points(&options).unwrap());
-    let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
-    calibrate(&capture.subset(|i, _| i < frames), &options).unwrap()
+    let options = CameraOptions { frame_planes: false, ..CameraOptions::default() };
+    calibrate_camera(&capture.subset(|i, _| i < frames), &options).unwrap()
 }
 
-fn planner(fit: &Calibrated) -> Planner {
+fn planner(fit: &CalibratedCamera) -> Planner {
     let camera = CameraState::reference(fit.capture.clone(), fit.camera.clone(), fit.noise);
     Planner::new(&State::of_camera(camera), 0, fit.covariance.as_ref().unwrap()).unwrap()
 }

@@ -10,12 +10,11 @@ use super::error::TaskError;
 use super::made::Made;
 use super::model_request::ModelRequest;
 use super::results::{Results, Shown};
-use crate::calibrate::rig::calibrate_rig;
-use crate::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use crate::calibrate::{CalibratedCamera, CameraOptions, calibrate, calibrate_camera};
 use crate::compare::{CompareOptions, compare};
 use crate::diagnose::rig::examined;
 use crate::load::Loaded;
-use crate::observe::Capture;
+use crate::observe::CameraFrames;
 
 /// Depth models that are compared.
 #[derive(Debug, Clone)]
@@ -38,11 +37,11 @@ pub struct Compared {
     /// The camera.
     pub camera: String,
     /// The captures that the models were fitted to and evaluated on.
-    pub captures: Vec<Capture>,
+    pub captures: Vec<CameraFrames>,
     /// `comparison.json`.
     pub record: Comparison,
     /// The best model, fitted to all frames; `None` where none could be fitted.
-    pub best: Option<Calibrated>,
+    pub best: Option<CalibratedCamera>,
     /// The pieces that the record names.
     pub register: Register,
 }
@@ -58,18 +57,18 @@ impl CompareRequest {
         &self,
         train: &Loaded,
         verify: &[Arc<Loaded>],
-        base: CalibrateOptions,
+        base: CameraOptions,
     ) -> Result<Vec<Compared>, TaskError> {
-        if let [camera] = train.cameras.as_slice() {
-            let base = self.model.for_camera(self.model.options(base)?, camera)?;
+        let register = base.register.clone();
+        let options = self.model.options(base, train)?;
+        let capture = train.capture(self.model.lens.as_deref(), &register)?;
+        if let [camera] = &capture.cameras[..] {
             let captures = verify.iter().map(|v| Ok(v.only_camera()?.capture.clone()));
             let captures = captures.collect::<Result<Vec<_>, TaskError>>()?;
-            return Ok(vec![self.compare_camera(camera.name(), camera.capture.clone(), captures, base)?]);
+            let base = options.of_only(camera);
+            return Ok(vec![self.compare_camera(&camera.name, camera.capture.clone(), captures, base)?]);
         }
-        let register = base.register.clone();
-        let options = self.model.rig_options(base, train)?;
-        let capture = train.capture(&register)?;
-        let fit = calibrate_rig(&capture, &options)?;
+        let fit = calibrate(&capture, &options)?;
         let mut compared = Vec::new();
         for camera in capture.cameras.iter().filter(|c| c.capture.has_depth()) {
             let Some((train, base)) = examined(camera, &fit, &options)? else { continue };
@@ -90,9 +89,9 @@ impl CompareRequest {
     fn compare_camera(
         &self,
         name: &str,
-        train: Capture,
-        verify: Vec<Capture>,
-        base: CalibrateOptions,
+        train: CameraFrames,
+        verify: Vec<CameraFrames>,
+        base: CameraOptions,
     ) -> Result<Compared, TaskError> {
         if let Some(capture) = std::iter::once(&train).chain(&verify).find(|capture| !capture.has_depth()) {
             return Err(TaskError::NoDepth { dataset: capture.name.clone() });
@@ -113,7 +112,7 @@ impl CompareRequest {
         // Fitted again for its maps in the report: the comparison keeps no cameras.
         let stage = options.calibrate.progress.stage("fitting the best model");
         let best = record.models.first().filter(|model| model.failed.is_none()).and_then(|best| {
-            calibrate(&train, &CalibrateOptions { model: best.model.clone(), ..options.calibrate.clone() }).ok()
+            calibrate_camera(&train, &CameraOptions { model: best.model.clone(), ..options.calibrate.clone() }).ok()
         });
         drop(stage);
         let captures = std::iter::once(train).chain(verify).collect();

@@ -3,22 +3,22 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use depthcal_formula::{FormulaEffect, FormulaError};
-use depthcal_io::{Calibration, CameraDiagnosis, Evaluation, FileError};
-use depthcal_model::{ModelSpec, PieceSpec, Register};
+use depthcal_formula::FormulaEffect;
+use depthcal_io::{CAMERA, Calibration, CameraDiagnosis as CameraRecord, Evaluation, FileError};
+use depthcal_model::{ModelSpec, Register};
 
 use super::evaluated::{evaluation_of, extend};
 use super::fit::write_calibration;
 use super::made::Made;
 use super::report_input::{ReportCamera, ReportDataset, ReportDiagnosis, ReportInput, Role};
 use super::results::{Results, Shown};
+use crate::calibrate::Calibrated;
 use crate::calibration_record::calibration_record;
-use crate::diagnose::Diagnosis;
 use crate::diagnose::record::to_file;
-use crate::diagnose::rig::EffectInRig;
 use crate::diagnose::separability::separability;
-use crate::judge::evaluate::{Evaluated, evaluate};
-use crate::judge::rig::EvaluatedRig;
+use crate::diagnose::{self, CameraDiagnosis, CameraInRig};
+use crate::judge::camera::{EvaluatedCamera, evaluate_camera};
+use crate::judge::evaluate::Evaluated;
 use crate::load::{Loaded, LoadedCamera};
 use crate::progress::ProgressHandle;
 
@@ -31,13 +31,13 @@ pub struct DiagnosedCamera {
     /// Number of the camera in the dataset.
     pub camera: usize,
     /// The loop's result.
-    pub diagnosis: Diagnosis,
+    pub diagnosis: CameraDiagnosis,
     /// Errors of the last model on the frames that it was fitted to.
-    pub on_fitted: Evaluated,
+    pub on_fitted: EvaluatedCamera,
     /// Whether the errors on held-out frames are those on another dataset.
     pub verified: bool,
     /// Its record.
-    pub record: CameraDiagnosis,
+    pub record: CameraRecord,
     /// The known pieces, with the formulas that were found.
     pub register: Register,
     /// Of a camera of a rig, what its joint adjustment with the others showed.
@@ -46,49 +46,30 @@ pub struct DiagnosedCamera {
     pub story: Vec<String>,
 }
 
-/// Findings on one camera from the joint adjustment of its rig.
-pub struct CameraInRig {
-    /// Whether the poses of the board come from the other cameras, because this one has no images.
-    pub poses_from_others: bool,
-    /// Effects that it showed before the loop, which is given them.
-    pub before: Vec<EffectInRig>,
-    /// Effects that it took over, as for `calibrate --with`.
-    pub effects: Vec<PieceSpec>,
-    /// Effects that it did not.
-    pub not_adjusted: Vec<PieceSpec>,
-}
-
 impl DiagnosedCamera {
     /// The diagnosis of camera number `camera` of a dataset, whose declared model is `model`, with everything that follows
-    /// from it.
-    ///
-    /// # Errors
-    ///
-    /// [`FormulaError`] where a formula cannot be a piece.
+    /// from it. `has_verify`: errors on held-out frames are those on another dataset, in which a camera without images has no
+    /// poses.
     pub(super) fn new(
-        diagnosis: Diagnosis,
+        diagnosed: diagnose::DiagnosedCamera,
         (loaded, camera): (&Arc<Loaded>, usize),
-        model: ModelSpec,
-        verified: bool,
-        register: &Register,
+        model: &ModelSpec,
+        has_verify: bool,
         progress: &ProgressHandle,
-    ) -> Result<Self, FormulaError> {
+    ) -> Self {
+        let diagnose::DiagnosedCamera { diagnosis, register, in_rig, .. } = diagnosed;
         let stage = progress.stage("evaluation");
-        let on_fitted = evaluate(&diagnosis.last.camera, &diagnosis.last.capture);
+        let on_fitted = evaluate_camera(&diagnosis.last.camera, &diagnosis.last.capture);
         drop(stage);
-        let mut register = register.clone();
-        for formula in &diagnosis.formulas {
-            formula.effect.register(&mut register)?;
-        }
-        let reference = &loaded.cameras[camera].reference;
-        let mut record = to_file(&diagnosis, reference.clone(), model);
+        let loaded_camera = &loaded.cameras[camera];
+        let mut record = to_file(&diagnosis, loaded_camera.reference.clone(), model.clone());
         let stage = progress.stage("separability");
         // The matrix is optional in the record; the diagnosis itself has linearised the same model.
         record.separability = separability(&diagnosis, &register).ok();
         drop(stage);
-        let (title, loaded) = (loaded.cameras[camera].capture.name.clone(), loaded.clone());
-        let (in_rig, story) = (None, Vec::new());
-        Ok(Self { title, loaded, camera, diagnosis, on_fitted, verified, record, register, in_rig, story })
+        let verified = has_verify && !in_rig.as_ref().is_some_and(|in_rig| in_rig.poses_from_others);
+        let (title, loaded) = (loaded_camera.capture.name.clone(), loaded.clone());
+        Self { title, loaded, camera, diagnosis, on_fitted, verified, record, register, in_rig, story: Vec::new() }
     }
 
     /// The camera's part of the dataset.
@@ -98,18 +79,16 @@ impl DiagnosedCamera {
 
     /// `calibration.json` of the last model.
     pub fn calibration(&self) -> Calibration {
-        let camera = self.loaded_camera();
-        let mut record = calibration_record(&self.diagnosis.last, &self.on_fitted, camera.reference.clone(), None);
-        if self.in_rig.is_none() {
-            record.camera.name.clone_from(&camera.declared.name);
-        }
-        record
+        let name = if self.in_rig.is_none() { self.loaded_camera().name() } else { CAMERA };
+        let fit = Calibrated::of_camera(name, self.diagnosis.last.clone());
+        let on_fitted = Evaluated::of_camera(name, self.on_fitted.clone());
+        calibration_record(&fit, &on_fitted, self.loaded_camera().reference.clone(), None)
     }
 
     /// `evaluation.json`: errors of the last model on fitted and on held-out frames.
     pub fn evaluation(&self) -> Evaluation {
-        let record = |evaluated: &Evaluated, suffix: &str| {
-            evaluation_of(&EvaluatedRig::of_camera(depthcal_io::CAMERA, evaluated.clone()), suffix)
+        let record = |evaluated: &EvaluatedCamera, suffix: &str| {
+            evaluation_of(&Evaluated::of_camera(CAMERA, evaluated.clone()), suffix)
         };
         let mut evaluation = record(&self.on_fitted, "");
         extend(&mut evaluation, record(&self.diagnosis.after.evaluated, " (held out)"));
@@ -117,7 +96,7 @@ impl DiagnosedCamera {
     }
 
     /// The diagnosis for a report, with the declared model's errors `before`.
-    pub(super) fn report<'a>(&'a self, before: &'a Evaluated) -> ReportDiagnosis<'a> {
+    pub(super) fn report<'a>(&'a self, before: &'a EvaluatedCamera) -> ReportDiagnosis<'a> {
         ReportDiagnosis { record: &self.record, before, register: &self.register }
     }
 }

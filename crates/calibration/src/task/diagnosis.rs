@@ -7,17 +7,16 @@ use depthcal_formula::FormulaEffect;
 use depthcal_io::{Calibration, Diagnosis, Evaluation, FileError};
 use depthcal_model::Register;
 
-use super::diagnosed_camera::{CameraInRig, DiagnosedCamera};
+use super::diagnosed_camera::DiagnosedCamera;
 use super::error::TaskError;
 use super::made::Made;
 use super::model_request::ModelRequest;
 use super::report_input::{ReportCamera, ReportInput, ReportRig, Role};
 use super::results::{Results, Shown};
 use super::rig_diagnosis::{DiagnosedRig, camera_record};
-use crate::calibrate::{CalibrateError, CalibrateOptions};
-use crate::diagnose::rig::{RigDiagnoseOptions, diagnose_rig};
+use crate::calibrate::{CalibrateError, CameraOptions};
 use crate::diagnose::{DiagnoseOptions, diagnose};
-use crate::load::{Loaded, LoadedCamera};
+use crate::load::Loaded;
 
 /// How the models of a dataset's cameras are examined.
 #[derive(Debug, Clone)]
@@ -38,19 +37,18 @@ pub struct Diagnosed {
     pub rig: Option<DiagnosedRig>,
     /// `diagnosis.json`.
     pub record: Diagnosis,
+    /// The pieces that were known before: formulas that were found are in the records.
+    pub register: Register,
 }
 
 impl DiagnoseRequest {
-    /// Refuses words that mean nothing, before anything is read; effects of a rig are checked when its cameras are known.
+    /// Refuses words that mean nothing, before anything is read; effects of several cameras are checked when these are known.
     ///
     /// # Errors
     ///
     /// [`TaskError::Option`].
     pub fn check(&self, cameras: usize, register: &Register) -> Result<(), TaskError> {
-        if cameras > 1 {
-            return self.model.depth_model(register).map(drop);
-        }
-        self.model.options(CalibrateOptions { register: register.clone(), ..CalibrateOptions::default() }).map(drop)
+        self.model.check(cameras, register)
     }
 
     /// Diagnoses a dataset, with errors on `verify` where that is given; `base` has the register, which knows the effects, and
@@ -63,68 +61,37 @@ impl DiagnoseRequest {
         &self,
         loaded: &Arc<Loaded>,
         verify: Option<&Loaded>,
-        base: CalibrateOptions,
+        base: CameraOptions,
     ) -> Result<Diagnosed, TaskError> {
-        match loaded.cameras.as_slice() {
-            [camera] => self.diagnose_camera(camera, loaded, verify, base),
-            _ => self.diagnose_rig(loaded, verify, base),
+        let (register, progress) = (base.register.clone(), base.progress.clone());
+        if let ([_], Some(verify)) = (&loaded.cameras[..], verify) {
+            verify.only_camera()?;
         }
-    }
-
-    fn diagnose_camera(
-        &self,
-        camera: &LoadedCamera,
-        loaded: &Arc<Loaded>,
-        verify: Option<&Loaded>,
-        base: CalibrateOptions,
-    ) -> Result<Diagnosed, TaskError> {
-        let (register, progress) = (base.register.clone(), base.progress.clone());
-        let verify = verify.map(|verify| verify.only_camera()).transpose()?;
-        let calibrate = self.model.for_camera(self.model.options(base)?, camera)?;
         let (folds, formulas) = (self.folds, self.formulas);
+        let calibrate = self.model.options(base, loaded)?;
         let options = DiagnoseOptions { calibrate, folds, formulas, ..DiagnoseOptions::default() };
-        let diagnosis = diagnose(&camera.capture, verify.map(|verify| &verify.capture), &options)?;
+        let capture = loaded.capture(self.model.lens.as_deref(), &register)?;
         let model = self.model.depth_model(&register)?;
-        let diagnosed = DiagnosedCamera::new(diagnosis, (loaded, 0), model, verify.is_some(), &register, &progress)?;
-        let record = Diagnosis::from(diagnosed.record.clone());
-        Ok(Diagnosed { cameras: vec![(camera.declared.name.clone(), diagnosed)], rig: None, record })
-    }
-
-    fn diagnose_rig(
-        &self,
-        loaded: &Arc<Loaded>,
-        verify: Option<&Loaded>,
-        base: CalibrateOptions,
-    ) -> Result<Diagnosed, TaskError> {
-        let (register, progress) = (base.register.clone(), base.progress.clone());
-        let rig = self.model.rig_options(base, loaded)?;
-        let (folds, formulas) = (self.folds, self.formulas);
-        let options = RigDiagnoseOptions { rig, folds, formulas, ..RigDiagnoseOptions::default() };
-        let other = verify.map(Loaded::observed);
-        let mut rig_diagnosis = diagnose_rig(&loaded.capture(&register)?, other.as_ref(), &options)?;
+        let diagnosis = diagnose(&capture, verify.map(Loaded::observed).as_ref(), &options)?;
         let no_cameras = || CalibrateError::NoImages { dataset: loaded.name.clone() };
-        let (mut cameras, mut records) = (Vec::new(), Vec::new());
-        for camera in std::mem::take(&mut rig_diagnosis.cameras) {
+        let mut cameras = Vec::new();
+        for camera in diagnosis.cameras {
             let index = loaded.cameras.iter().position(|l| l.name() == camera.name).ok_or_else(no_cameras)?;
-            let verified = verify.is_some() && !camera.poses_from_others;
-            let (diagnosis, model) = (camera.diagnosis, self.model.depth_model(&register)?);
-            let mut diagnosed =
-                DiagnosedCamera::new(diagnosis, (loaded, index), model, verified, &register, &progress)?;
-            let in_rig = CameraInRig {
-                poses_from_others: camera.poses_from_others,
-                before: camera.in_rig,
-                effects: camera.effects,
-                not_adjusted: camera.not_adjusted,
-            };
-            records.push(camera_record(&camera.name, &in_rig, diagnosed.record.clone()));
-            diagnosed.in_rig = Some(in_rig);
-            cameras.push((camera.name, diagnosed));
+            let name = camera.name.clone();
+            cameras.push((name, DiagnosedCamera::new(camera, (loaded, index), &model, verify.is_some(), &progress)));
         }
         let dataset = loaded.cameras.first().map(|camera| camera.reference.clone()).ok_or_else(no_cameras)?;
-        let verdict = rig_diagnosis.verdict;
-        let rig = DiagnosedRig::new(rig_diagnosis, dataset.clone()).ok_or_else(no_cameras)?;
-        let record = Diagnosis { dataset, verdict, cameras: records, rig: Some(rig.findings()) };
-        Ok(Diagnosed { cameras, rig: Some(rig), record })
+        let rig = diagnosis.rig.map(|rig| DiagnosedRig::new(rig, dataset.clone()));
+        let record = match (&rig, &cameras[..]) {
+            (None, [(_, only)]) => Diagnosis::from(only.record.clone()),
+            _ => Diagnosis {
+                dataset,
+                verdict: diagnosis.verdict,
+                cameras: cameras.iter().map(|(name, camera)| camera_record(name, camera)).collect(),
+                rig: rig.as_ref().map(DiagnosedRig::findings),
+            },
+        };
+        Ok(Diagnosed { cameras, rig, record, register })
     }
 }
 

@@ -17,10 +17,10 @@ use super::extrinsics_difference::extrinsics_difference;
 use super::given_camera::GivenCamera;
 use super::made::Made;
 use super::results::{Results, Shown};
-use crate::calibration_record::piece_records;
+use crate::camera_record::covariance_of;
+use crate::camera_record::piece_records;
 use crate::judge::difference::{Propagated, depends_on_distance, depth_differences, projection_difference};
 use crate::observe::PlacedCamera;
-use crate::rig_record::covariance_of;
 
 /// Level of every test. A comparison has many, which depend on each other: chance makes one in a hundred of them differ anywhere.
 const LEVEL: f64 = 1e-3;

@@ -2,16 +2,17 @@
 
 use std::path::PathBuf;
 
-use depthcal_io::{Calibration, CameraDifference, Difference, FileReference};
+use depthcal_io::{CAMERA, Calibration, CameraDifference, Difference, FileReference};
 use depthcal_model::{Context, Register};
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 use depthcal_statistics::rms;
 use rayon::prelude::*;
 
 use super::{DiffSide, Differed, GivenCamera, TaskError};
-use crate::calibrate::{CalibrateOptions, calibrate};
-use crate::calibration_record::{calibration_record, camera_from_record};
-use crate::judge::evaluate::evaluate;
+use crate::calibrate::{Calibrated, CameraOptions, calibrate_camera};
+use crate::calibration_record::calibration_record;
+use crate::camera_record::camera_from_record;
+use crate::judge::evaluate::evaluate_fitted;
 use crate::simulated;
 
 /// A calibration of a simulated capture of `camera`.
@@ -19,10 +20,10 @@ fn calibration(camera: CameraTruth, seed: u64) -> Calibration {
     let options = PointOptions { depth_samples: 150, ..PointOptions::default() };
     let simulation = Simulation::new(camera, Kind::General(1), &[], seed).frames(16);
     let capture = simulated::capture(&simulation.observe_points(&options).unwrap());
-    let full = CalibrateOptions { lens: "brown-conrady:full".to_owned(), ..CalibrateOptions::default() };
-    let fit = calibrate(&capture, &full).unwrap();
+    let full = CameraOptions { lens: "brown-conrady:full".to_owned(), ..CameraOptions::default() };
+    let fit = Calibrated::of_camera(CAMERA, calibrate_camera(&capture, &full).unwrap());
     let dataset = FileReference { path: format!("capture{seed}"), digest: format!("{seed:x}") };
-    calibration_record(&fit, &evaluate(&fit.camera, &fit.capture), dataset, None)
+    calibration_record(&fit, &evaluate_fitted(&fit), dataset, None)
 }
 
 fn side(name: &str, calibration: &Calibration) -> DiffSide {

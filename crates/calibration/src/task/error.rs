@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use depthcal_formula::{FormulaError, NamedFileError};
+use depthcal_formula::NamedFileError;
 use depthcal_io::{CameraFileError, FileError};
 use depthcal_model::RegisterError;
 use thiserror::Error;
@@ -10,7 +10,7 @@ use thiserror::Error;
 use super::option_names::OptionNames;
 use super::unlike_calibration::UnlikeCalibration;
 use crate::calibrate::CalibrateError;
-use crate::calibration_record::RecordError;
+use crate::camera_record::RecordError;
 use crate::diagnose::DiagnoseError;
 use crate::load::{DeclaredCameraError, LoadError};
 use crate::plan::PlanError;
@@ -138,9 +138,6 @@ pub enum TaskError {
     /// A model of a comparison is unknown.
     #[error(transparent)]
     Register(#[from] RegisterError),
-    /// A formula that was found cannot be a piece.
-    #[error(transparent)]
-    Found(#[from] FormulaError),
     /// A result cannot be written.
     #[error(transparent)]
     File(#[from] FileError),

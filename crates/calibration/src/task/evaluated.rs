@@ -2,10 +2,10 @@
 
 use depthcal_io::Evaluation;
 
-use crate::judge::rig::EvaluatedRig;
+use crate::judge::evaluate::Evaluated;
 
 /// The record of errors, `suffix` being added to the names of datasets.
-pub(super) fn evaluation_of(rig: &EvaluatedRig, suffix: &str) -> Evaluation {
+pub(super) fn evaluation_of(rig: &Evaluated, suffix: &str) -> Evaluation {
     let (mut datasets, mut transfer) = (rig.records(), rig.transfer_records());
     datasets.iter_mut().for_each(|d| d.name += suffix);
     transfer.iter_mut().for_each(|t| t.dataset += suffix);

@@ -11,8 +11,8 @@ use super::made::Made;
 use super::report_input::{ReportCamera, ReportInput, ReportRig, Role};
 use super::results::{Results, Shown};
 use super::unlike_calibration::UnlikeCalibration;
-use crate::judge::evaluate::evaluate;
-use crate::judge::rig::{EvaluatedRig, evaluate_rig};
+use crate::judge::camera::evaluate_camera;
+use crate::judge::evaluate::{Evaluated, evaluate};
 use crate::judge::table::table;
 use crate::load::{Loaded, LoadedCamera};
 use crate::observe::PlacedCamera;
@@ -28,7 +28,7 @@ pub struct Evaluations {
     /// Its record; `None` of a camera of another program.
     pub calibration: Option<Arc<Calibration>>,
     /// Errors on every dataset.
-    pub datasets: Vec<(EvaluatedRig, Role)>,
+    pub datasets: Vec<(Evaluated, Role)>,
 }
 
 impl Evaluations {
@@ -51,13 +51,13 @@ impl Evaluations {
                     return Err(UnlikeCalibration::Size { path, found: actual, expected }.into());
                 }
                 let _stage = progress.stage("evaluation");
-                (EvaluatedRig::of_camera(&placed.name, evaluate(&placed.camera, &camera.capture)), Vec::new())
+                (Evaluated::of_camera(&placed.name, evaluate_camera(&placed.camera, &camera.capture)), Vec::new())
             }
             None => {
                 let missing = missing_cameras(&self.cameras, loaded, path)?;
                 let capture = loaded.observed();
                 let _stage = progress.stage("evaluation");
-                (evaluate_rig(&self.cameras, &capture), missing)
+                (evaluate(&self.cameras, &capture), missing)
             }
         };
         self.datasets.push((evaluated, role));
@@ -89,7 +89,7 @@ impl Evaluations {
 
     /// Name of the dataset that one camera was fitted to, where it was evaluated.
     pub fn fitted_name(&self) -> Option<&str> {
-        let fitted = |(rig, role): &&(EvaluatedRig, Role)| *role == Role::Fitted && rig.cameras.len() == 1;
+        let fitted = |(rig, role): &&(Evaluated, Role)| *role == Role::Fitted && rig.cameras.len() == 1;
         self.datasets.iter().find(fitted).map(|(rig, _)| rig.name.as_str())
     }
 

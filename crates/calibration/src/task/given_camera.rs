@@ -6,9 +6,9 @@ use depthcal_io::{Calibration, CameraFileError, Intrinsics, is_of_depthcal, read
 use depthcal_model::Register;
 
 use super::error::TaskError;
-use crate::calibration_record::RecordError;
+use crate::camera_record::RecordError;
+use crate::camera_record::{cameras_from_record, unnamed_camera};
 use crate::observe::PlacedCamera;
-use crate::rig_record::{cameras_from_record, unnamed_camera};
 
 /// A camera from a file.
 #[derive(Debug, Clone)]

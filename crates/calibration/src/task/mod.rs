@@ -27,15 +27,15 @@ mod unlike_calibration;
 
 pub use added_effects::with_effects;
 pub use comparison::{CompareRequest, Compared};
-pub use diagnosed_camera::{CameraInRig, DiagnosedCamera};
+pub use diagnosed_camera::DiagnosedCamera;
 pub use diagnosis::{DiagnoseRequest, Diagnosed};
 pub use difference::{DiffSide, Differed};
 pub use error::TaskError;
 pub use evaluation::Evaluations;
-pub use fit::{Fit, FitRequest, Fitted, HeldOut, HoldOut};
+pub use fit::{Fit, FitRequest, HeldOut, HoldOut};
 pub use given_camera::GivenCamera;
 pub use made::Made;
-pub use model_request::{LENSES, ModelRequest, lens_of};
+pub use model_request::{LENSES, ModelRequest};
 pub use next::{NextCaptures, NextRequest};
 pub use option_names::OptionNames;
 pub use prior::GivenPrior;

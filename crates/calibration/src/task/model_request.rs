@@ -1,14 +1,12 @@
 //! The model that is asked for, in words.
 
 use depthcal_formula::{resolve, resolve_lens, resolve_model};
-use depthcal_io::DatasetCamera;
-use depthcal_model::{ModelSpec, PieceSpec, Register};
+use depthcal_model::{ModelSpec, Register};
 
 use super::error::TaskError;
 use super::option_names::OptionNames;
-use crate::calibrate::rig::{EffectOf, HeldOf, RigOptions};
-use crate::calibrate::{AUTO, CalibrateOptions, HeldParameter, lens_named};
-use crate::load::{Loaded, LoadedCamera, declared_camera};
+use crate::calibrate::{AUTO, CalibrateOptions, CameraOptions, EffectOf, HeldOf, HeldParameter, lens_named};
+use crate::load::{Loaded, LoadedCamera};
 use crate::start::lens_models;
 
 /// The name of the time by which a camera exposes later than its times say, among effects.
@@ -29,12 +27,6 @@ pub const LENSES: [&str; 12] = [
     "none",
     "auto",
 ];
-
-/// The lens model of a fit: that which was asked for, else that of the dataset, else Brown–Conrady.
-pub fn lens_of(asked: Option<&str>, dataset: &DatasetCamera) -> String {
-    let declared = dataset.camera.as_ref().and_then(|camera| camera.lens.as_deref());
-    asked.or(declared).unwrap_or("brown-conrady").to_owned()
-}
 
 /// The model that is asked for, in words.
 #[derive(Debug, Clone)]
@@ -62,16 +54,17 @@ impl ModelRequest {
         Ok(())
     }
 
-    /// The model of `base` replaced by this one, which the register of `base` knows.
+    /// Refuses words that mean nothing, before anything is read; effects of several cameras are checked when these are known.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Option`] where a name, a constant or a parameter is unknown.
-    pub fn options(&self, base: CalibrateOptions) -> Result<CalibrateOptions, TaskError> {
-        self.check_lens(&base.register)?;
-        let (effects, held) = self.effects(&base.register)?;
-        let model = self.depth_model(&base.register)?;
-        Ok(CalibrateOptions { model, effects, held, ..base })
+    /// [`TaskError::Option`].
+    pub fn check(&self, cameras: usize, register: &Register) -> Result<(), TaskError> {
+        self.check_lens(register)?;
+        if cameras == 1 {
+            self.check_effects(register)?;
+        }
+        self.depth_model(register).map(drop)
     }
 
     /// Checks that the register knows the lens model.
@@ -93,47 +86,29 @@ impl ModelRequest {
         register.model_spec(text).map_err(|e| TaskError::option(self.names.model, text, e))
     }
 
-    /// The effects that are asked for, and the parameters that are held.
-    fn effects(&self, register: &Register) -> Result<(Vec<PieceSpec>, Vec<HeldParameter>), TaskError> {
-        let (mut effects, mut held) = (Vec::new(), Vec::new());
+    /// Refuses effects and held parameters of a camera that is alone that mean nothing.
+    fn check_effects(&self, register: &Register) -> Result<(), TaskError> {
         for text in &self.with {
+            let wrong = |problem: String| TaskError::option(self.names.with, text, problem);
             match text.strip_prefix("fixed:") {
-                Some(parameter) => {
-                    let parameter = parameter.parse::<HeldParameter>();
-                    held.push(parameter.map_err(|e| TaskError::option(self.names.with, text, e))?);
-                }
-                None => {
-                    let spec = register.piece_spec(text);
-                    effects.push(spec.map_err(|e| TaskError::option(self.names.with, text, e))?);
-                }
+                Some(held) => held.parse::<HeldParameter>().map(drop).map_err(|e| wrong(e.to_string()))?,
+                None => register.piece_spec(text).map(drop).map_err(|e| wrong(e.to_string()))?,
             }
         }
-        Ok((effects, held))
+        Ok(())
     }
 
-    /// Options with the lens and the camera that a dataset declares.
-    ///
-    /// # Errors
-    ///
-    /// [`TaskError::Camera`] where the camera that the dataset declares is at fault.
-    pub fn for_camera(&self, options: CalibrateOptions, camera: &LoadedCamera) -> Result<CalibrateOptions, TaskError> {
-        let (width, height) = (camera.capture.width, camera.capture.height);
-        let (asked, declared) = (self.lens.as_deref(), &camera.declared);
-        let camera = declared_camera(declared, width, height, asked, &options.register)?;
-        Ok(CalibrateOptions { lens: lens_of(asked, declared), camera, ..options })
-    }
-
-    /// The model of `base` replaced by this one for all cameras of a rig. Effects, held parameters and time offsets of one camera
-    /// begin with its name: `CAMERA:NAME`, `fixed:CAMERA:PIECE.PARAMETER`, `CAMERA:time_offset`.
+    /// The model of `base` replaced by this one for all cameras of a dataset. Effects, held parameters and time offsets of one
+    /// camera begin with its name: `CAMERA:NAME`, `fixed:CAMERA:PIECE.PARAMETER`, `CAMERA:time_offset`.
     ///
     /// # Errors
     ///
     /// [`TaskError::Option`] where a name, a constant or a parameter is unknown.
-    pub fn rig_options(&self, base: CalibrateOptions, loaded: &Loaded) -> Result<RigOptions, TaskError> {
+    pub fn options(&self, base: CameraOptions, loaded: &Loaded) -> Result<CalibrateOptions, TaskError> {
         self.check_lens(&base.register)?;
         let model = self.depth_model(&base.register)?;
-        let each = CalibrateOptions { model, ..base };
-        let mut options = RigOptions { each, lens: self.lens.clone(), ..RigOptions::default() };
+        let each = CameraOptions { model, ..base };
+        let mut options = CalibrateOptions { each, lens: self.lens.clone(), ..CalibrateOptions::default() };
         let is_camera = |name: &str| loaded.cameras.iter().any(|camera| camera.name() == name);
         for text in &self.with {
             let (is_held, spec) = match text.strip_prefix("fixed:") {

@@ -1,10 +1,8 @@
 //! Which captures to add to those of a fit.
 
-use nalgebra::DMatrix;
-
 use super::error::TaskError;
-use super::fit::Fitted;
-use crate::adjust::state::{CameraState, State};
+use crate::adjust::state::CameraState;
+use crate::calibrate::Calibrated;
 use crate::observe::noise::NoiseModel;
 use crate::plan::{Goal, Plan, PlanError, Planner};
 
@@ -55,8 +53,8 @@ impl NextRequest {
     /// # Errors
     ///
     /// [`TaskError::Plan`]: the goal means nothing for the camera, or the frames leave parameters open.
-    pub fn next(&self, fitted: &Fitted) -> Result<NextCaptures, TaskError> {
-        let (state, covariance) = state_of(fitted)?;
+    pub fn next(&self, fitted: &Calibrated) -> Result<NextCaptures, TaskError> {
+        let (state, covariance) = (&fitted.state, fitted.covariance.as_ref().ok_or(PlanError::Undetermined)?);
         let named = |name: &String| state.cameras.iter().position(|camera| camera.name == *name);
         let number = match &self.camera {
             Some(name) => named(name).ok_or_else(|| PlanError::NoCamera {
@@ -65,7 +63,7 @@ impl NextRequest {
             })?,
             None => state.cameras.iter().position(CameraState::has_depth).unwrap_or(0),
         };
-        let planner = Planner::new(&state, number, &covariance)?;
+        let planner = Planner::new(state, number, covariance)?;
         let camera = &state.cameras[number];
         let middle = (planner.range_mm[0] * planner.range_mm[1]).sqrt();
         let goal = match self.goal.as_str() {
@@ -91,16 +89,4 @@ impl NextRequest {
 /// Standard deviation of a depth pixel's noise at a distance, mm.
 fn depth_noise_mm(noise: &NoiseModel, distance_mm: f64) -> f64 {
     noise.depth.sigma(1.0 / distance_mm) * distance_mm.powi(2)
-}
-
-/// The final state of a fit with the joint covariance of its parameters. A camera is a rig of one.
-fn state_of(fitted: &Fitted) -> Result<(State, DMatrix<f64>), PlanError> {
-    match fitted {
-        Fitted::Camera(fit) => {
-            let covariance = fit.covariance.clone().ok_or(PlanError::Undetermined)?;
-            let camera = CameraState::reference(fit.capture.clone(), fit.camera.clone(), fit.noise);
-            Ok((State::of_camera(camera), covariance))
-        }
-        Fitted::Rig(rig) => Ok((rig.state.clone(), rig.covariance.clone())),
-    }
 }

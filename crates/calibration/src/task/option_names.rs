@@ -43,7 +43,7 @@ impl OptionNames {
         lens: "lens",
         estimator: "estimator",
         hold_out: "hold_out",
-        cross_validate: "cross_validate",
+        cross_validate: "cross_validate_camera",
         prior: "prior",
         folds: "folds",
         verify: "verify",

@@ -4,9 +4,9 @@ use depthcal_io::{CameraDiagnosis, DiagnosisStep};
 use depthcal_model::Register;
 
 use super::made::Made;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
+use crate::judge::camera::EvaluatedCamera;
 use crate::judge::evaluate::Evaluated;
-use crate::judge::rig::EvaluatedRig;
 use crate::observe::PlacedCamera;
 
 /// How a dataset's frames relate to the fit.
@@ -35,7 +35,7 @@ impl Role {
 #[derive(Debug, Clone, Copy)]
 pub struct ReportDataset<'a> {
     /// Errors of its frames.
-    pub evaluated: &'a Evaluated,
+    pub evaluated: &'a EvaluatedCamera,
     /// Whether the camera was fitted to these frames.
     pub role: Role,
 }
@@ -46,7 +46,7 @@ pub struct ReportDiagnosis<'a> {
     /// The record, as in `diagnosis.json`.
     pub record: &'a CameraDiagnosis,
     /// Errors of the declared model on the frames on which those of the last one are reported.
-    pub before: &'a Evaluated,
+    pub before: &'a EvaluatedCamera,
     /// The pieces that the record names.
     pub register: &'a Register,
 }
@@ -74,7 +74,7 @@ pub struct ReportCamera<'a> {
     /// Its name.
     pub name: String,
     /// Its calibration.
-    pub calibrated: Option<&'a Calibrated>,
+    pub calibrated: Option<&'a CalibratedCamera>,
     /// Its evaluated datasets, in the order in which they are shown.
     pub evaluations: Vec<ReportDataset<'a>>,
     /// The diagnosis that led to the calibration.
@@ -83,8 +83,8 @@ pub struct ReportCamera<'a> {
 
 impl<'a> ReportCamera<'a> {
     /// A camera with its errors on datasets of its rig; those in which it was not evaluated are left out.
-    pub fn of_rig(name: &str, calibrated: Option<&'a Calibrated>, datasets: &[(&'a EvaluatedRig, Role)]) -> Self {
-        let evaluation = |(rig, role): &(&'a EvaluatedRig, Role)| {
+    pub fn of_rig(name: &str, calibrated: Option<&'a CalibratedCamera>, datasets: &[(&'a Evaluated, Role)]) -> Self {
+        let evaluation = |(rig, role): &(&'a Evaluated, Role)| {
             rig.camera(name).map(|evaluated| ReportDataset { evaluated, role: *role })
         };
         let evaluations = datasets.iter().filter_map(evaluation).collect();
@@ -106,7 +106,7 @@ pub struct ReportRig<'a> {
     /// Their record, for standard deviations and counts.
     pub record: &'a depthcal_io::Calibration,
     /// Errors on every dataset, the fitted one first.
-    pub evaluated: Vec<&'a EvaluatedRig>,
+    pub evaluated: Vec<&'a Evaluated>,
 }
 
 /// Everything that a report is made from.

@@ -8,7 +8,7 @@ use depthcal_model::Register;
 
 use super::made::Made;
 use super::report_input::ReportInput;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 
 /// Contents of a report.
 #[derive(Debug)]
@@ -20,7 +20,7 @@ pub enum Shown<'a> {
         /// The record.
         comparison: &'a Comparison,
         /// The best model, fitted to all frames, for its maps.
-        best: Option<&'a Calibrated>,
+        best: Option<&'a CalibratedCamera>,
         /// The pieces that the record names.
         register: &'a Register,
         /// How it was made.

@@ -1,15 +1,16 @@
 //! Results of a rig's diagnosis that concern its cameras together.
 
 use depthcal_io::{
-    Calibration, CameraDiagnosis, DiagnosedCamera as CameraRecord, Evaluation, FileReference, RigDriftTest, RigEffect,
-    RigFindings, RigHeldOut,
+    Calibration, DiagnosedCamera as CameraRecord, Evaluation, FileReference, RigDriftTest, RigEffect, RigFindings,
+    RigHeldOut,
 };
 use depthcal_model::PieceSpec;
 
-use super::diagnosed_camera::CameraInRig;
+use super::diagnosed_camera::DiagnosedCamera;
 use super::evaluated::{evaluation_of, extend};
-use crate::diagnose::rig::{DriftTest, EffectInRig, RigDiagnosis};
-use crate::rig_record::{drift_record, rig_record};
+use crate::calibration_record::{calibration_record, drift_record};
+use crate::diagnose::rig::{DriftTest, EffectInRig};
+use crate::diagnose::{CameraInRig, RigDiagnosis};
 
 /// The cameras of a rig, diagnosed and adjusted jointly again.
 pub struct DiagnosedRig {
@@ -22,12 +23,12 @@ pub struct DiagnosedRig {
 }
 
 impl DiagnosedRig {
-    /// `None` where the rig has no cameras. `reference` is the dataset.
-    pub(super) fn new(found: RigDiagnosis, reference: FileReference) -> Option<Self> {
+    /// `reference` is the dataset.
+    pub(super) fn new(found: RigDiagnosis, reference: FileReference) -> Self {
         let mut evaluation = evaluation_of(&found.fitted, "");
         extend(&mut evaluation, evaluation_of(&found.after, " (held out)"));
-        let calibration = rig_record(&found.last, &found.fitted, reference)?;
-        Some(Self { found, calibration, evaluation })
+        let calibration = calibration_record(&found.last, &found.fitted, reference, None);
+        Self { found, calibration, evaluation }
     }
 
     /// The findings for `diagnosis.json`.
@@ -60,15 +61,15 @@ fn test_record(test: &DriftTest, found: &RigDiagnosis) -> RigDriftTest {
 }
 
 /// The record of a camera of a rig.
-pub(super) fn camera_record(name: &str, camera: &CameraInRig, diagnosis: CameraDiagnosis) -> CameraRecord {
+pub(super) fn camera_record(name: &str, camera: &DiagnosedCamera) -> CameraRecord {
     let texts = |specs: &[PieceSpec]| specs.iter().map(ToString::to_string).collect();
     let shown = |effect: &EffectInRig| RigEffect { effect: effect.spec.to_string(), left_out: effect.left_out };
+    let CameraInRig { poses_from_others, before, effects } = camera.in_rig.clone().unwrap_or_default();
     CameraRecord {
         camera: name.to_owned(),
-        poses_from_others: camera.poses_from_others,
-        effects: texts(&camera.effects),
-        not_adjusted: texts(&camera.not_adjusted),
-        in_rig: camera.before.iter().map(shown).collect(),
-        diagnosis,
+        poses_from_others,
+        effects: texts(&effects),
+        in_rig: before.iter().map(shown).collect(),
+        diagnosis: camera.record.clone(),
     }
 }

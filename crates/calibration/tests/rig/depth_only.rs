@@ -2,7 +2,7 @@
 
 use crate::support;
 use depthcal_calibration::calibrate::CalibrateError;
-use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
+use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal_calibration::rig_simulated::{errors, rig_capture};
 use depthcal_model::Camera;
 use depthcal_simulate::{Kind, PointOptions, Pose, RigPoints, RigSimulation};
@@ -12,8 +12,8 @@ fn observed(seed: u64) -> RigPoints {
     rig.observe_points(&PointOptions::default()).expect("a simulation")
 }
 
-fn options() -> RigOptions {
-    RigOptions { lens: None, ..RigOptions::default() }
+fn options() -> CalibrateOptions {
+    CalibrateOptions { lens: None, ..CalibrateOptions::default() }
 }
 
 /// Nothing is declared: K, D and place come back within three of their standard deviations, which say what planes determine; the
@@ -23,14 +23,14 @@ fn planes_give_place_pinhole_and_depth() {
     let (mut within, mut all) = (0, 0);
     for seed in 0..4 {
         let points = observed(seed);
-        let fit = calibrate_rig(&rig_capture(&points), &options()).expect("a calibration");
+        let fit = calibrate(&rig_capture(&points), &options()).expect("a calibration");
         let camera = fit.camera("depth").expect("the camera");
         assert!(!camera.has_markers() && camera.calibrated.with_depth);
         let names = fit.parameters();
         let errors = errors(&fit, &points.truth);
         let errors: Vec<_> = errors.iter().filter(|(i, _)| names[*i].0.starts_with("depth/")).collect();
         assert_eq!(errors.len(), 6 + 4 + 4, "seed {seed}");
-        within += errors.iter().filter(|(i, e)| e.abs() <= 3.0 * fit.covariance[(*i, *i)].sqrt()).count();
+        within += errors.iter().filter(|(i, e)| e.abs() <= 3.0 * fit.std_dev(*i)).count();
         all += errors.len();
         let translation = camera.camera_from_rig.translation.vector;
         assert!((translation.x + 71.5).abs() < 15.0, "seed {seed}: {translation}");
@@ -49,13 +49,13 @@ fn few_frames_say_less_and_too_few_are_refused() {
     let mut capture = rig_capture(&all);
     // The depth camera sees a few frames only.
     capture.cameras[1].capture.frames.truncate(6);
-    let fit = calibrate_rig(&capture, &options()).unwrap();
+    let fit = calibrate(&capture, &options()).unwrap();
     let std_devs = fit.camera("depth").unwrap().calibrated.std_devs();
-    let many = calibrate_rig(&rig_capture(&all), &options()).unwrap();
+    let many = calibrate(&rig_capture(&all), &options()).unwrap();
     let precise = many.camera("depth").unwrap().calibrated.std_devs();
     assert!(std_devs[0].unwrap() > precise[0].unwrap(), "{std_devs:?} {precise:?}");
     capture.cameras[1].capture.frames.truncate(3);
-    let error = calibrate_rig(&capture, &options()).unwrap_err();
+    let error = calibrate(&capture, &options()).unwrap_err();
     assert!(matches!(&error, CalibrateError::DepthStart { camera, .. } if camera == "depth"), "{error}");
     assert!(error.to_string().contains("frames"), "{error}");
 }
@@ -78,7 +78,7 @@ fn what_small_tilts_at_one_distance_leave_open_is_named() {
         let rig = poses.map_or(rig.clone(), |poses| rig.poses(poses));
         let mut capture = rig_capture(&rig.observe_points(&PointOptions::default()).unwrap());
         capture.cameras[1].declared = Some(Camera::new(512, 424, [365.0, 365.0, 258.0, 208.0, 0.0], vec![]));
-        calibrate_rig(&capture, &options()).expect("a calibration")
+        calibrate(&capture, &options()).expect("a calibration")
     };
     for seed in 0..3 {
         let narrow = fit(Some(poses.clone()), seed);

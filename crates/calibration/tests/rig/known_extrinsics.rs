@@ -1,8 +1,8 @@
 //! A depth camera without images whose extrinsics are known, and whose depth has an effect that depthcal does not have.
 
 use crate::support;
-use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
-use depthcal_calibration::diagnose::rig::{RigDiagnoseOptions, diagnose_rig};
+use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::diagnose::{DiagnoseOptions, diagnose};
 use depthcal_calibration::rig_simulated::{pose, rig_capture};
 use depthcal_formula::FormulaFile;
 use depthcal_simulate::{Kind, PointOptions, RigSimulation};
@@ -22,19 +22,20 @@ fn a_third_kind_of_camera_is_calibrated_and_diagnosed() {
         let [u, v] = pixel.context.pixel;
         pixel.depth_mm += 3e-4 * (u - 256.0) * (v - 212.0);
     }
-    let mut options = RigOptions::default();
+    let mut options = CalibrateOptions::default();
     FormulaFile::parse(SADDLE).unwrap().effects()[0].register(&mut options.each.register).expect("a new name");
-    let fit = calibrate_rig(&capture, &options).expect("a calibration");
+    let fit = calibrate(&capture, &options).expect("a calibration");
     let depth = fit.camera("depth").expect("the camera");
     assert_eq!((depth.camera_from_rig, depth.place_std_dev), (known, Some([0.0; 6])));
     let names = fit.parameters();
     let row = |name: &str| names.iter().position(|(n, _)| n == name).expect("a parameter");
-    assert!(fit.covariance[(row("depth/camera_from_rig.tx"), row("depth/camera_from_rig.tx"))] == 0.0);
-    assert!(fit.covariance[(row("depth/pinhole.fx"), row("depth/pinhole.fx"))] > 0.0);
-    let options = RigDiagnoseOptions { rig: options, formulas: false, ..RigDiagnoseOptions::default() };
-    let diagnosis = diagnose_rig(&capture, None, &options).expect("a diagnosis");
+    assert!(fit.std_dev(row("depth/camera_from_rig.tx")) == 0.0);
+    assert!(fit.std_dev(row("depth/pinhole.fx")) > 0.0);
+    let options = DiagnoseOptions { calibrate: options, formulas: false, ..DiagnoseOptions::default() };
+    let diagnosis = diagnose(&capture, None, &options).expect("a diagnosis");
     let effects: Vec<(&str, Vec<&str>)> =
-        diagnosis.cameras.iter().map(|c| (&*c.name, c.effects.iter().map(|e| e.name.as_str()).collect())).collect();
+        diagnosis.cameras.iter().map(|c| (&*c.name, c.effects().iter().map(|e| e.name.as_str()).collect())).collect();
     assert_eq!(effects, [("infrared", vec![]), ("depth", vec!["saddle"])]);
-    assert_eq!(diagnosis.last.camera("depth").expect("the camera").camera_from_rig, known);
+    let rig = diagnosis.rig.expect("several cameras");
+    assert_eq!(rig.last.camera("depth").expect("the camera").camera_from_rig, known);
 }

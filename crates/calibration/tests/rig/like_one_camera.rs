@@ -4,26 +4,25 @@ use std::sync::Arc;
 
 use crate::support;
 use depthcal_calibration::adjust::camera_prior::CameraPrior;
-use depthcal_calibration::calibrate::rig::{RigCalibrated, RigOptions, calibrate_rig};
-use depthcal_calibration::judge::evaluate::EvaluatedFrame;
+use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal_calibration::judge::camera::EvaluatedFrame;
+use depthcal_calibration::judge::capture_cross_validation::cross_validate;
+use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
 use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::judge::rig::{EvaluatedRig, evaluate_rig};
-use depthcal_calibration::judge::rig_cross_validation::cross_validate_rig;
-use depthcal_calibration::observe::RigCapture;
-use depthcal_calibration::progress::ProgressHandle;
+use depthcal_calibration::observe::Capture;
 use depthcal_calibration::rig_simulated::{errors, rig_capture, squared_error};
 use depthcal_simulate::Kind;
 use nalgebra::{DMatrix, DVector};
 
-fn options() -> RigOptions {
-    RigOptions { lens: Some("brown-conrady:full".to_owned()), ..RigOptions::default() }
+fn options() -> CalibrateOptions {
+    CalibrateOptions { lens: Some("brown-conrady:full".to_owned()), ..CalibrateOptions::default() }
 }
 
-fn fitted(capture: &RigCapture, options: &RigOptions) -> RigCalibrated {
-    calibrate_rig(capture, options).expect("a calibration")
+fn fitted(capture: &Capture, options: &CalibrateOptions) -> Calibrated {
+    calibrate(capture, options).expect("a calibration")
 }
 
-fn reprojection_px(evaluated: &EvaluatedRig) -> Vec<f64> {
+fn reprojection_px(evaluated: &Evaluated) -> Vec<f64> {
     evaluated.records().iter().map(|record| record.reprojection_px.rms).collect()
 }
 
@@ -34,8 +33,8 @@ fn frames_are_judged_by_a_rig_that_was_fitted_without_them() {
     let capture = rig_capture(&support::two_cameras(4, Kind::General(1)));
     let fit = fitted(&capture, &options());
     let validated =
-        cross_validate_rig(&fit, &capture, 4, Parts::Interleaved, &ProgressHandle::default()).expect("errors");
-    let on_fitted = evaluate_rig(&fit.placed(), &capture);
+        cross_validate(&fit, &capture, 4, Parts::Interleaved, &CalibrateOptions::default()).expect("errors");
+    let on_fitted = evaluate(&fit.placed(), &capture);
     for ((_, validated), (_, fitted)) in validated.cameras.iter().zip(&on_fitted.cameras) {
         let names = |frames: &[EvaluatedFrame]| frames.iter().map(|f| f.name.clone()).collect::<Vec<_>>();
         assert_eq!(validated.name, fitted.name);
@@ -48,7 +47,7 @@ fn frames_are_judged_by_a_rig_that_was_fitted_without_them() {
     for part in 0..4 {
         let is_held = |name: &str| names.iter().position(|n| n == name).is_some_and(|i| i % 4 == part);
         let refitted = fitted(&capture.subset(|name| !is_held(name)), &options());
-        by_hand.push(evaluate_rig(&refitted.placed(), &capture.subset(is_held)));
+        by_hand.push(evaluate(&refitted.placed(), &capture.subset(is_held)));
     }
     for camera in 0..2 {
         let mean_square = by_hand.iter().map(|e| reprojection_px(e)[camera].powi(2)).sum::<f64>() / 4.0;
@@ -79,7 +78,7 @@ fn the_prior_of_one_camera_is_used_for_it_alone() {
         mean: DVector::from_element(1, focal + 2.0 * sigma),
         covariance: DMatrix::from_element(1, 1, sigma * sigma),
     };
-    let given = RigOptions { priors: vec![("colour".to_owned(), Arc::new(prior))], ..options() };
+    let given = CalibrateOptions { priors: vec![("colour".to_owned(), Arc::new(prior))], ..options() };
     let with = fitted(&capture, &given);
     let moved = (with.cameras[1].calibrated.camera.pinhole()[0] - focal) / sigma;
     assert!((moved - 1.0).abs() < 0.2, "{moved}");

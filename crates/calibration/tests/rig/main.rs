@@ -2,6 +2,7 @@
 //! runs those of one module.
 
 mod depth_only;
+mod fields;
 mod jacobians;
 mod known_extrinsics;
 mod like_one_camera;

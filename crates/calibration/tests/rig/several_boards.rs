@@ -1,8 +1,8 @@
 //! Several boards at once, each with a pose of its own in every frame.
 
 use crate::support;
-use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
-use depthcal_calibration::observe::RigCapture;
+use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::observe::Capture;
 use depthcal_calibration::rig_simulated::{errors, pose, rig_capture, squared_error};
 use depthcal_model::{NumberedBoard, Pattern, Target};
 use depthcal_simulate::{Board, Kind, PointOptions, RigPoints, RigSimulation};
@@ -18,7 +18,7 @@ fn alone(board: Board, seed: u64) -> RigPoints {
 }
 
 /// Both boards in every frame, as a dataset of several boards gives them.
-fn together(first: &RigPoints, second: &RigPoints) -> RigCapture {
+fn together(first: &RigPoints, second: &RigPoints) -> Capture {
     let (mut both, other) = (rig_capture(first), rig_capture(second));
     for (camera, other) in both.cameras.iter_mut().zip(other.cameras) {
         let numbered =
@@ -44,15 +44,15 @@ fn two_boards_have_a_pose_each_and_one_rig() {
     let (first, second) = (alone(chessboard(9, 6, 25.0), 1), alone(chessboard(6, 5, 40.0), 2));
     let capture = together(&first, &second);
     assert!(matches!(capture.cameras[0].capture.target.pattern, Pattern::Several { .. }));
-    let options = RigOptions { lens: Some("brown-conrady:full".to_owned()), ..RigOptions::default() };
-    let fit = calibrate_rig(&capture, &options).expect("a fit");
+    let options = CalibrateOptions { lens: Some("brown-conrady:full".to_owned()), ..CalibrateOptions::default() };
+    let fit = calibrate(&capture, &options).expect("a fit");
     assert_eq!(fit.frames.iter().filter(|frame| frame.board == 1).count(), FRAMES);
     // Both truths are of one rig.
     let errors = errors(&fit, &first.truth);
     let (squared, freedom) = squared_error(&fit, &errors).expect("a covariance");
     assert!(chi_squared_tail(squared, freedom) > 1e-3, "{squared} of {freedom}");
     for (row, error) in &errors {
-        let sigma = fit.covariance[(*row, *row)].sqrt();
+        let sigma = fit.std_dev(*row);
         assert!(error.abs() < 3.5 * sigma, "{}: {error} ± {sigma}", fit.parameters()[*row].0);
     }
     for (points, ending, board) in [(&first, "", 0), (&second, "+floor", 1)] {
@@ -65,8 +65,7 @@ fn two_boards_have_a_pose_each_and_one_rig() {
         }
     }
     // With twice the frames the rig is known better than from one board.
-    let one = calibrate_rig(&rig_capture(&first), &options).expect("a fit");
-    let place =
-        |fit: &depthcal_calibration::calibrate::rig::RigCalibrated| fit.cameras[1].place_std_dev.expect("a place");
+    let one = calibrate(&rig_capture(&first), &options).expect("a fit");
+    let place = |fit: &depthcal_calibration::calibrate::Calibrated| fit.cameras[1].place_std_dev.expect("a place");
     assert!(place(&fit).iter().zip(place(&one)).all(|(both, one)| *both < one));
 }

@@ -2,8 +2,8 @@
 
 use crate::support;
 use depthcal_calibration::calibrate::CalibrateError;
-use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
-use depthcal_calibration::observe::RigCapture;
+use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::observe::Capture;
 use depthcal_calibration::rig_simulated::{errors, rig_capture, squared_error};
 use depthcal_simulate::{Kind, PointOptions, RigCamera, RigPoints, RigSimulation, Waved};
 use depthcal_statistics::chi_squared_tail;
@@ -17,19 +17,19 @@ fn video(second: RigCamera, seed: u64) -> RigPoints {
     rig.waved(Waved::default(), FRAMES).observe_points(&options).expect("a simulation")
 }
 
-fn options(offset_of: &[&str]) -> RigOptions {
+fn options(offset_of: &[&str]) -> CalibrateOptions {
     let time_offsets = offset_of.iter().map(|name| (*name).to_owned()).collect();
-    RigOptions { lens: Some("brown-conrady:full".to_owned()), time_offsets, ..RigOptions::default() }
+    CalibrateOptions { lens: Some("brown-conrady:full".to_owned()), time_offsets, ..CalibrateOptions::default() }
 }
 
-fn errors_of(capture: &RigCapture, truth: &RigPoints) -> Vec<(String, f64, f64)> {
-    let fit = calibrate_rig(capture, &options(&["colour"])).expect("a fit");
+fn errors_of(capture: &Capture, truth: &RigPoints) -> Vec<(String, f64, f64)> {
+    let fit = calibrate(capture, &options(&["colour"])).expect("a fit");
     let names = fit.parameters();
     let errors = errors(&fit, &truth.truth);
     let (squared, freedom) = squared_error(&fit, &errors).expect("a covariance");
     let tail = chi_squared_tail(squared, freedom);
     assert!(tail > 1e-3, "squared error {squared} of {freedom}");
-    let with_sigma = |(row, error): &(usize, f64)| (names[*row].0.clone(), *error, fit.covariance[(*row, *row)].sqrt());
+    let with_sigma = |(row, error): &(usize, f64)| (names[*row].0.clone(), *error, fit.std_dev(*row));
     errors.iter().map(with_sigma).collect()
 }
 
@@ -52,7 +52,7 @@ fn the_offset_of_a_moving_board_is_found() {
 #[test]
 fn what_the_offset_is_for() {
     let points = video(support::colour().time_offset(0.012), 3);
-    let Ok(fit) = calibrate_rig(&rig_capture(&points), &options(&[])) else { return };
+    let Ok(fit) = calibrate(&rig_capture(&points), &options(&[])) else { return };
     let errors = errors(&fit, &points.truth);
     let (squared, freedom) = squared_error(&fit, &errors).expect("a covariance");
     assert!(squared > 10.0 * freedom as f64, "{squared} of {freedom}");
@@ -66,14 +66,14 @@ fn known_times_count() {
     for frame in &mut capture.cameras[1].capture.frames {
         frame.raw.metadata.timestamp_s = frame.metadata.timestamp_s.map(|t| t + 0.010);
     }
-    let fit = calibrate_rig(&capture, &options(&["colour"])).expect("a fit");
+    let fit = calibrate(&capture, &options(&["colour"])).expect("a fit");
     let offset = fit.camera("colour").and_then(|camera| camera.time_offset).expect("an offset");
     assert!((offset.value_s - 0.002).abs() < 3.5 * offset.std_dev_s, "{offset:?}");
 }
 
 #[test]
 fn what_leaves_the_offset_open_is_refused() {
-    let refused = |capture: &RigCapture, of: &str| calibrate_rig(capture, &options(&[of])).expect_err("no fit");
+    let refused = |capture: &Capture, of: &str| calibrate(capture, &options(&[of])).expect_err("no fit");
     let still = rig_capture(&support::two_cameras(5, Kind::General(1)));
     let error = refused(&still, "colour");
     assert!(matches!(error, CalibrateError::TimeOffset { .. }) && error.to_string().contains("timestamp_s"), "{error}");

@@ -2,28 +2,33 @@
 //! has any.
 
 use crate::support;
-use depthcal_calibration::calibrate::rig::RigOptions;
-use depthcal_calibration::diagnose::DiagnoseError;
-use depthcal_calibration::diagnose::rig::{RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
-use depthcal_calibration::rig_record::{cameras_from_record, rig_record};
+use depthcal_calibration::calibrate::CalibrateOptions;
+use depthcal_calibration::calibration_record::calibration_record;
+use depthcal_calibration::camera_record::cameras_from_record;
+use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, RigDiagnosis, diagnose};
 use depthcal_calibration::rig_simulated::rig_capture;
 use depthcal_io::{Calibration, DriftOver, FileReference};
 use depthcal_model::Register;
 use depthcal_simulate::{Drift, Effect, Kind, PointOptions, RigCamera, RigSimulation};
 use depthcal_statistics::rms;
 
-fn diagnosed(cameras: Vec<RigCamera>, seed: u64) -> RigDiagnosis {
+fn diagnosed(cameras: Vec<RigCamera>, seed: u64) -> Diagnosis {
     let rig = RigSimulation::new(cameras, Kind::General(1), seed);
     let points = rig.observe_points(&PointOptions::default()).expect("a simulation");
-    let rig = RigOptions { lens: None, ..RigOptions::default() };
-    let options = RigDiagnoseOptions { rig, formulas: false, ..RigDiagnoseOptions::default() };
-    diagnose_rig(&rig_capture(&points), None, &options).expect("a diagnosis")
+    let rig = CalibrateOptions { lens: None, ..CalibrateOptions::default() };
+    let options = DiagnoseOptions { calibrate: rig, formulas: false, ..DiagnoseOptions::default() };
+    diagnose(&rig_capture(&points), None, &options).expect("a diagnosis")
+}
+
+/// The findings on all cameras together.
+fn rig(diagnosis: &Diagnosis) -> &RigDiagnosis {
+    diagnosis.rig.as_ref().expect("several cameras")
 }
 
 /// Names of the effects that were added to a camera.
-fn added(found: &RigDiagnosis, camera: &str) -> Vec<String> {
-    let camera = found.cameras.iter().find(|c| c.name == camera).expect("the camera");
-    camera.effects.iter().map(|effect| effect.name.clone()).collect()
+fn added(found: &Diagnosis, camera: &str) -> Vec<String> {
+    let camera = found.camera(camera).expect("the camera");
+    camera.effects().iter().map(|effect| effect.name.clone()).collect()
 }
 
 fn effect(name: &str, size: f64) -> Effect {
@@ -31,7 +36,7 @@ fn effect(name: &str, size: f64) -> Effect {
 }
 
 /// Transfer errors of the rig, mm.
-fn transfer(errors: &depthcal_calibration::judge::rig::EvaluatedRig) -> f64 {
+fn transfer(errors: &depthcal_calibration::judge::evaluate::Evaluated) -> f64 {
     rms(errors.transfers.iter().flat_map(|t| t.points.iter().map(|p| p.error_mm)))
 }
 
@@ -39,11 +44,13 @@ fn transfer(errors: &depthcal_calibration::judge::rig::EvaluatedRig) -> f64 {
 fn an_effect_of_the_reference_is_traced_to_it() {
     let diagnosis = diagnosed(vec![support::infrared().effect(effect("radial_range", 6.0)), support::colour()], 3);
     assert_eq!(added(&diagnosis, "infrared"), ["radial_range"]);
-    assert_eq!(diagnosis.without_depth, ["colour"]);
-    let fitted = &diagnosis.last.camera("infrared").expect("the camera").calibrated.camera;
+    assert_eq!(rig(&diagnosis).without_depth, ["colour"]);
+    let fitted = &rig(&diagnosis).last.camera("infrared").expect("the camera").calibrated.camera;
     assert!(fitted.block("radial_range").is_some());
-    assert!(diagnosis.last.camera("colour").expect("the camera").calibrated.camera.block("radial_range").is_none());
-    let (before, after) = (transfer(&diagnosis.before), transfer(&diagnosis.after));
+    assert!(
+        rig(&diagnosis).last.camera("colour").expect("the camera").calibrated.camera.block("radial_range").is_none()
+    );
+    let (before, after) = (transfer(&rig(&diagnosis).before), transfer(&rig(&diagnosis).after));
     assert!(after < before, "{before} mm before, {after} mm after");
 }
 
@@ -53,7 +60,7 @@ fn an_effect_of_the_second_depth_camera_is_traced_to_it() {
     let diagnosis = diagnosed(vec![support::infrared(), second.effect(effect("cyclic_depth", 4.0))], 4);
     assert_eq!(added(&diagnosis, "infrared"), [""; 0]);
     assert_eq!(added(&diagnosis, "infrared2"), ["cyclic_depth"]);
-    assert!(transfer(&diagnosis.after) < transfer(&diagnosis.before));
+    assert!(transfer(&rig(&diagnosis).after) < transfer(&rig(&diagnosis).before));
 }
 
 /// Its board has the poses of the infrared camera.
@@ -62,10 +69,10 @@ fn an_effect_of_depth_without_images_is_traced_to_it() {
     let diagnosis = diagnosed(vec![support::infrared(), support::depth_only().effect(effect("cyclic_depth", 6.0))], 5);
     assert_eq!(added(&diagnosis, "infrared"), [""; 0]);
     assert_eq!(added(&diagnosis, "depth"), ["cyclic_depth"]);
-    let camera = diagnosis.cameras.iter().find(|c| c.name == "depth").expect("the camera");
-    assert!(camera.poses_from_others);
+    let in_rig = diagnosis.camera("depth").and_then(|camera| camera.in_rig.as_ref()).expect("the camera");
+    assert!(in_rig.poses_from_others);
     // Pinhole and place take up a part of the effect while they are held: it is tried with these free.
-    let errors = camera.in_rig[0].left_out;
+    let errors = in_rig.before[0].left_out;
     assert!(errors.after < 0.95 * errors.before && errors.after < 1.05, "{errors:?}");
 }
 
@@ -77,7 +84,7 @@ fn a_rig_without_depth_is_refused() {
         3,
     );
     let points = rig.observe_points(&PointOptions::default()).unwrap();
-    let refused = diagnose_rig(&rig_capture(&points), None, &RigDiagnoseOptions::default()).err().unwrap();
+    let refused = diagnose(&rig_capture(&points), None, &DiagnoseOptions::default()).err().unwrap();
     assert!(matches!(refused, DiagnoseError::NoDepth { .. }) && refused.to_string().contains("depth"), "{refused}");
 }
 
@@ -87,16 +94,16 @@ fn a_rig_without_depth_is_refused() {
 fn a_place_that_drifts_is_told_from_one_that_keeps_still() {
     let drift = Drift::Time { rotation_rad: [0.0, 0.003, 0.0], translation_mm: [0.8, 0.0, 0.0] };
     let diagnosis = diagnosed(vec![support::infrared(), support::colour().drift(drift)], 6);
-    let (place, _) = diagnosis.last.camera("colour").expect("the camera").drift.expect("a drift");
+    let (place, _) = rig(&diagnosis).last.camera("colour").expect("the camera").drift.expect("a drift");
     assert_eq!(place.over, DriftOver::Time);
     // Between the first and the last frame, over the rig's axes; the camera's differ by some hundredths.
     assert!((place.change[1] - 0.003).abs() < 3e-4 && (place.change[3] - 0.8).abs() < 0.2, "{place:?}");
-    assert!(transfer(&diagnosis.after) < 0.7 * transfer(&diagnosis.before));
+    assert!(transfer(&rig(&diagnosis).after) < 0.7 * transfer(&rig(&diagnosis).before));
     // The file has the drift, with the covariance of its parameters.
     let reference = FileReference { path: "captures".into(), digest: "0".repeat(64) };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("calibration.json");
-    rig_record(&diagnosis.last, &diagnosis.fitted, reference).expect("cameras").write(&path).unwrap();
+    calibration_record(&rig(&diagnosis).last, &rig(&diagnosis).fitted, reference, None).write(&path).unwrap();
     let read = Calibration::read(&path).unwrap();
     assert_eq!(cameras_from_record(&read, &Register::builtin()).unwrap()[1].drift, Some(place));
     let name = "colour/extrinsics_drift.ry";
@@ -104,6 +111,6 @@ fn a_place_that_drifts_is_told_from_one_that_keeps_still() {
     let std_dev = read.others[0].camera_from_rig.drift.and_then(|d| d.std_dev).expect("standard deviations");
     assert!((variance.sqrt() / std_dev.rotation_rad[1] - 1.0).abs() < 1e-9);
     let still = diagnosed(vec![support::infrared(), support::colour()], 7);
-    assert!(still.drifts.iter().all(|test| !test.certain), "{:?}", still.drifts);
-    assert!(still.last.cameras.iter().all(|camera| camera.drift.is_none()));
+    assert!(rig(&still).drifts.iter().all(|test| !test.certain), "{:?}", rig(&still).drifts);
+    assert!(rig(&still).last.cameras.iter().all(|camera| camera.drift.is_none()));
 }

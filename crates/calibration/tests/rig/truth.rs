@@ -2,21 +2,22 @@
 
 use crate::support;
 use depthcal_calibration::calibrate::CalibrateError;
-use depthcal_calibration::calibrate::rig::{RigCalibrated, RigOptions, calibrate_rig};
-use depthcal_calibration::judge::rig::evaluate_rig;
-use depthcal_calibration::rig_record::{cameras_from_record, rig_record};
+use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal_calibration::calibration_record::calibration_record;
+use depthcal_calibration::camera_record::cameras_from_record;
+use depthcal_calibration::judge::evaluate::evaluate;
 use depthcal_calibration::rig_simulated::{errors, rig_capture, squared_error, true_cameras};
 use depthcal_calibration::start::views::ExtrinsicsError;
 use depthcal_io::Calibration;
 use depthcal_model::Register;
 use depthcal_simulate::{Kind, RigPoints};
 
-fn options() -> RigOptions {
-    RigOptions { lens: Some("brown-conrady:full".to_owned()), ..RigOptions::default() }
+fn options() -> CalibrateOptions {
+    CalibrateOptions { lens: Some("brown-conrady:full".to_owned()), ..CalibrateOptions::default() }
 }
 
-fn fit(points: &RigPoints) -> RigCalibrated {
-    calibrate_rig(&rig_capture(points), &options()).expect("a calibration")
+fn fit(points: &RigPoints) -> Calibrated {
+    calibrate(&rig_capture(points), &options()).expect("a calibration")
 }
 
 /// Places, both pinholes, both lenses and D come back within their own standard deviations: 99 % of all within three, and the
@@ -30,7 +31,7 @@ fn parameters_of_two_cameras_come_back_within_their_standard_deviations() {
         let errors = errors(&fit, &points.truth);
         // The place, 4 + 5 + 4 of infrared, 4 + 5 of colour.
         assert_eq!(errors.len(), 28, "seed {seed}");
-        within += errors.iter().filter(|(i, e)| e.abs() <= 3.0 * fit.covariance[(*i, *i)].sqrt()).count();
+        within += errors.iter().filter(|(i, e)| e.abs() <= 3.0 * fit.std_dev(*i)).count();
         all += errors.len();
         let (value, n) = squared_error(&fit, &errors).expect("a regular covariance");
         squared += value;
@@ -53,9 +54,9 @@ fn transfer_errors_are_those_of_the_true_rig() {
     let fit = fit(&points);
     let held_out = support::two_cameras(12, Kind::General(2));
     let capture = rig_capture(&held_out);
-    let ours = evaluate_rig(&fit.placed(), &capture);
+    let ours = evaluate(&fit.placed(), &capture);
     let truth = true_cameras(&held_out.truth, &Register::builtin()).expect("pieces");
-    let oracle = evaluate_rig(&truth, &capture);
+    let oracle = evaluate(&truth, &capture);
     assert_eq!(ours.transfers.len(), 1, "colour has no depth");
     let (ours, oracle) = (&ours.transfers[0], &oracle.transfers[0]);
     assert_eq!((ours.from.as_str(), ours.to.as_str()), ("infrared", "colour"));
@@ -74,9 +75,9 @@ fn transfer_errors_are_those_of_the_true_rig() {
 fn the_file_holds_the_rig() {
     let points = support::two_cameras(3, Kind::Centered1);
     let fit = fit(&points);
-    let fitted = evaluate_rig(&fit.placed(), &rig_capture(&points));
+    let fitted = evaluate(&fit.placed(), &rig_capture(&points));
     let reference = depthcal_io::FileReference { path: "captures".into(), digest: "0".repeat(64) };
-    let record = rig_record(&fit, &fitted, reference).expect("cameras");
+    let record = calibration_record(&fit, &fitted, reference, None);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("calibration.json");
     record.write(&path).unwrap();
@@ -112,20 +113,20 @@ fn the_number_of_threads_changes_nothing() {
 #[test]
 fn frames_that_contradict_are_found_and_named() {
     let points = support::two_cameras(7, Kind::General(1));
-    let clean = calibrate_rig(&rig_capture(&points), &options()).unwrap();
+    let clean = calibrate(&rig_capture(&points), &options()).unwrap();
     let mut capture = rig_capture(&points);
     let shared: Vec<String> = {
         let in_colour = |name: &String| capture.cameras[1].capture.frames.iter().any(|f| f.name == *name);
         capture.frame_names().into_iter().filter(in_colour).collect()
     };
-    let place = |camera: usize, capture: &depthcal_calibration::observe::RigCapture, name: &str| {
+    let place = |camera: usize, capture: &depthcal_calibration::observe::Capture, name: &str| {
         capture.cameras[camera].capture.frames.iter().position(|f| f.name == name).unwrap()
     };
     // One frame has the colour markers of another.
     let (first, other) = (shared[4].clone(), shared[9].clone());
     let (a, b) = (place(1, &capture, &first), place(1, &capture, &other));
     capture.cameras[1].capture.frames[a].markers = capture.cameras[1].capture.frames[b].markers.clone();
-    let fit = calibrate_rig(&capture, &options()).unwrap();
+    let fit = calibrate(&capture, &options()).unwrap();
     let dropped = &fit.cameras[1].calibrated.capture.dropped;
     assert!(dropped.len() == 1 && dropped[0].name == first, "{dropped:?}");
     assert!(dropped[0].reason.contains("px from where infrared sees it"), "{}", dropped[0].reason);
@@ -146,13 +147,13 @@ fn exchanged_images_are_both_named() {
     let names = [frames[a].name.clone(), frames[b].name.clone()];
     let markers = std::mem::take(&mut frames[a].markers);
     frames[a].markers = std::mem::replace(&mut frames[b].markers, markers);
-    let fit = calibrate_rig(&capture, &options()).unwrap();
+    let fit = calibrate(&capture, &options()).unwrap();
     let mut dropped: Vec<&str> = fit.cameras[1].calibrated.capture.dropped.iter().map(|d| d.name.as_str()).collect();
     dropped.sort_unstable();
     assert_eq!(dropped, names);
     assert_eq!(fit.pairs[0].contradicting, 2);
     let errors = errors(&fit, &points.truth);
-    let within = errors.iter().filter(|(i, e)| e.abs() <= 3.5 * fit.covariance[(*i, *i)].sqrt()).count();
+    let within = errors.iter().filter(|(i, e)| e.abs() <= 3.5 * fit.std_dev(*i)).count();
     assert_eq!(within, errors.len());
 }
 
@@ -173,7 +174,7 @@ fn a_camera_that_moved_is_found() {
             *frame = moved.clone();
         }
     }
-    match calibrate_rig(&capture, &options()).unwrap_err() {
+    match calibrate(&capture, &options()).unwrap_err() {
         CalibrateError::Extrinsics(ExtrinsicsError::Moved { camera, other, second_frames, angle_deg, .. }) => {
             assert_eq!((camera.as_str(), other.as_str()), ("colour", "infrared"));
             assert!(second_frames.contains("0017") && !second_frames.contains("0016"), "{second_frames}");
@@ -191,7 +192,7 @@ fn cameras_without_common_frames_are_named() {
     for frame in &mut capture.cameras[1].capture.frames {
         frame.name = format!("other_{}", frame.name);
     }
-    let error = calibrate_rig(&capture, &options()).unwrap_err();
+    let error = calibrate(&capture, &options()).unwrap_err();
     assert!(
         matches!(&error, CalibrateError::Extrinsics(ExtrinsicsError::Unconnected { camera, .. }) if camera == "colour"),
         "{error}"
@@ -200,7 +201,7 @@ fn cameras_without_common_frames_are_named() {
 }
 
 /// A camera that exposes while the board moves on sees every board somewhere else: alone it is as good as any, and in the rig it
-/// is refused, by `calibrate_rig` itself.
+/// is refused, by `calibrate` itself.
 #[test]
 fn a_camera_that_contradicts_the_others_is_refused() {
     let mut capture = rig_capture(&support::two_cameras(3, Kind::General(1)));
@@ -211,7 +212,7 @@ fn a_camera_that_contradicts_the_others_is_refused() {
             marker.pixel[1] += 12.0 * cos;
         }
     }
-    let refused = calibrate_rig(&capture, &options()).expect_err("a contradiction");
+    let refused = calibrate(&capture, &options()).expect_err("a contradiction");
     let CalibrateError::RigContradiction(contradiction) = refused else { panic!("{refused}") };
     assert!(contradiction.joint_px > 3.0 * contradiction.alone_px, "{contradiction:?}");
 }

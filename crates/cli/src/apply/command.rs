@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use depthcal_calibration::camera_record::unnamed_camera;
 use depthcal_calibration::depth_uncertainty::uncertain_depth;
 use depthcal_calibration::observe::PlacedCamera;
-use depthcal_calibration::rig_record::unnamed_camera;
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext};
 use depthcal_io::{
     Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, check_writable, write_depth_frame,

@@ -38,6 +38,16 @@ pub enum DiagnosisDecision {
         /// Whether the effect was added, and why not.
         outcome: DiagnosisAddOutcome,
     },
+    /// Functions of what the residuals depend on were found, all together, and named where an effect or a formula is as good.
+    Explained {
+        /// The effects and functions that were added, as given to `calibrate --with`.
+        #[schemars(with = "Vec<String>")]
+        effects: Vec<PieceSpec>,
+        /// Effects of earlier rounds that these made unnecessary.
+        #[serde(default)]
+        #[schemars(with = "Vec<String>")]
+        taken_out: Vec<PieceSpec>,
+    },
     /// Something is left that named effects do not explain.
     Unexplained {
         /// Covariate of the free function that explains most.

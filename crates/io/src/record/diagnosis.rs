@@ -66,9 +66,6 @@ pub struct DiagnosedCamera {
     pub poses_from_others: bool,
     /// Effects that the joint adjustment of the rig took over, as for `calibrate --with`.
     pub effects: Vec<String>,
-    /// Effects that were found and that it did not take over: free maps, and formulas whose names another camera's have.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub not_adjusted: Vec<String>,
     /// Those of `effects` that the joint adjustment showed before the loop, which is given them: of a camera without images.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub in_rig: Vec<RigEffect>,
@@ -175,7 +172,6 @@ impl Serialize for Diagnosis {
 impl DiagnosedCamera {
     /// The diagnosis of a camera that is adjusted alone.
     pub fn alone(camera: String, diagnosis: CameraDiagnosis) -> Self {
-        let (effects, not_adjusted, in_rig) = (Vec::new(), Vec::new(), Vec::new());
-        Self { camera, poses_from_others: false, effects, not_adjusted, in_rig, diagnosis }
+        Self { camera, poses_from_others: false, effects: Vec::new(), in_rig: Vec::new(), diagnosis }
     }
 }

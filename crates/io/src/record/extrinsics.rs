@@ -63,8 +63,9 @@ pub struct ExtrinsicsStdDev {
 pub struct TimeOffsetRecord {
     /// The offset, s.
     pub value_s: f64,
-    /// Its standard deviation, s.
-    pub std_dev_s: f64,
+    /// Its standard deviation, s; absent where the covariance is out of reach.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub std_dev_s: Option<f64>,
 }
 
 impl ExtrinsicsRecord {

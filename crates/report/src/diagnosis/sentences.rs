@@ -61,6 +61,10 @@ pub(crate) fn decision(decision: &DiagnosisDecision, register: &Register) -> Str
             };
             format!("{finding}; {}", added(outcome, register))
         }
+        DiagnosisDecision::Explained { effects, taken_out } => {
+            let outcome = DiagnosisAddOutcome::Added { effects: effects.clone(), taken_out: taken_out.clone() };
+            format!("functions of what the errors depend on, found together; {}", added(&outcome, register))
+        }
         DiagnosisDecision::Unexplained { along, explained_share, competitor, outcome } => {
             let reference = match competitor {
                 DiagnosisCompetitor::FreeFunction => "",

@@ -16,8 +16,8 @@ use crate::input::ReportDiagnosis;
 use crate::leftover::noise_mm;
 use crate::pool::{Pool, usable};
 use crate::statistics::rms;
+use depthcal_calibration::judge::camera::EvaluatedFrame;
 use depthcal_calibration::judge::depth_errors::PixelError;
-use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 use depthcal_statistics::median;
 
 /// Most pixels of the line of the added effects.

@@ -7,7 +7,7 @@ use super::plotly::{colour_bar, diverging, rounded, shorts};
 use crate::format::{fixed, number};
 use crate::parameters::model_words;
 use crate::uncertainty::{distances, typical};
-use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::calibrate::CalibratedCamera;
 use depthcal_statistics::quantile;
 
 /// Columns of the correction map.
@@ -55,7 +55,7 @@ impl Grid {
     }
 }
 
-fn wall_map(c: &Calibrated, grid: &Grid, samples: &[([f64; 2], f64)], distance_mm: f64) -> WallMap {
+fn wall_map(c: &CalibratedCamera, grid: &Grid, samples: &[([f64; 2], f64)], distance_mm: f64) -> WallMap {
     let base = typical(c, [0.0; 2]);
     let rho = 1.0 / distance_mm;
     // Ray and change of inverse depth.
@@ -89,7 +89,7 @@ fn wall_map(c: &Calibrated, grid: &Grid, samples: &[([f64; 2], f64)], distance_m
 }
 
 /// Maps of the correction at three distances, and of its part beyond a projective D; empty without a depth model.
-pub(crate) fn correction_maps(c: &Calibrated) -> Vec<Figure> {
+pub(crate) fn correction_maps(c: &CalibratedCamera) -> Vec<Figure> {
     let depths_mm = distances(c);
     if !c.with_depth || depths_mm.is_empty() {
         return Vec::new();

@@ -5,13 +5,13 @@ use serde_json::{Value, json};
 use super::figure::Figure;
 use super::plotly::{colour_bar, diverging, rounded};
 use crate::format::fixed;
-use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::calibrate::CalibratedCamera;
 
 /// Most parameters whose matrix is readable.
 const MOST: usize = 40;
 
 /// The correlation matrix; `None` without covariance or with too many parameters.
-pub(crate) fn correlation(c: &Calibrated) -> Option<Figure> {
+pub(crate) fn correlation(c: &CalibratedCamera) -> Option<Figure> {
     let covariance = c.covariance.as_ref()?;
     let short: Vec<&str> = c.camera.blocks().iter().flat_map(|b| b.parameters().iter().map(|p| &*p.name)).collect();
     let pieces: Vec<&'static str> =

@@ -9,8 +9,8 @@ use crate::input::ReportCamera;
 use crate::input::ReportDiagnosis;
 use crate::left_out::share;
 use crate::pool::{Pool, Pooled, usable};
+use depthcal_calibration::judge::camera::EvaluatedFrame;
 use depthcal_calibration::judge::depth_errors::PixelError;
-use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 use depthcal_statistics::{median, quantile};
 
 /// Most cells of all frames together, which bounds the size of the file.

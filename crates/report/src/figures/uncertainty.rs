@@ -6,7 +6,7 @@ use super::figure::{Figure, Variant};
 use super::plotly::{AFTER, NEUTRAL, colour_bar, sequential, shorts};
 use crate::format::number;
 use crate::uncertainty::Uncertainty;
-use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::calibrate::CalibratedCamera;
 use depthcal_calibration::judge::difference::projection_difference;
 use depthcal_io::grid_pixel;
 use depthcal_model::uncertainty::UncertainCamera;
@@ -16,7 +16,7 @@ use depthcal_statistics::quantile;
 const MOST_PARAMETERS: usize = 80;
 
 /// Standard deviation against the distance, at three places of the image, and the noise of one pixel.
-pub(crate) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> Figure {
+pub(crate) fn uncertainty_curves(c: &CalibratedCamera, u: &Uncertainty) -> Figure {
     let places = [("middle of the image", "solid"), ("halfway to the corner", "dash"), ("corner", "dot")];
     let mut data: Vec<Value> = places
         .iter()
@@ -67,7 +67,7 @@ pub(crate) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> Figure {
 }
 
 /// Standard deviation over the image at three distances, with a picker.
-pub(crate) fn uncertainty_map(c: &Calibrated, u: &Uncertainty) -> Figure {
+pub(crate) fn uncertainty_map(c: &CalibratedCamera, u: &Uncertainty) -> Figure {
     let (w, h) = (c.camera.width as f64 - 1.0, c.camera.height as f64 - 1.0);
     let [columns, rows] = u.grid;
     let variants: Vec<Variant> = u
@@ -110,7 +110,7 @@ pub(crate) fn uncertainty_map(c: &Calibrated, u: &Uncertainty) -> Figure {
 const COLUMNS: usize = 17;
 
 /// Standard deviation of the pixel that a ray is projected to, over the image; `None` without a covariance.
-pub(crate) fn projection_uncertainty(c: &Calibrated) -> Option<Figure> {
+pub(crate) fn projection_uncertainty(c: &CalibratedCamera) -> Option<Figure> {
     let covariance = c.covariance.as_ref()?;
     let places: Vec<usize> = (0..covariance.nrows()).filter(|i| covariance[(*i, *i)] > 0.0).collect();
     if places.is_empty() || places.len() > MOST_PARAMETERS {

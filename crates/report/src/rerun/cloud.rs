@@ -5,8 +5,8 @@ use nalgebra::Point3;
 use re_sdk_types::archetypes::Points3D;
 use re_sdk_types::components::{Color, Radius};
 
+use depthcal_calibration::judge::camera::EvaluatedFrame;
 use depthcal_calibration::judge::depth_errors::DepthErrors;
-use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 
 /// Points of a cloud at most: every n-th pixel, where there are more.
 pub(super) const MOST_POINTS: usize = 20_000;

@@ -16,9 +16,9 @@ use re_sdk_types::datatypes::Quaternion;
 
 use super::cloud::{Colours, MOST_POINTS, clouds, metres};
 use super::file::chunk;
-use depthcal_calibration::judge::evaluate::EvaluatedFrame;
+use depthcal_calibration::judge::camera::EvaluatedFrame;
 use depthcal_calibration::observe::board_region::BoardRegion;
-use depthcal_calibration::observe::{Capture, DetectedFrame};
+use depthcal_calibration::observe::{CameraFrames, DetectedFrame};
 
 /// Distance of the image plane that the viewer draws, m.
 const IMAGE_PLANE_M: f32 = 0.15;
@@ -28,7 +28,7 @@ const HALF_PX: f64 = 0.5;
 const OVEREXPOSED: f64 = 0.005;
 
 /// A frame: its capture, its markers and images, and its errors.
-pub(super) type Known<'a> = (&'a Capture, &'a DetectedFrame, &'a EvaluatedFrame);
+pub(super) type Known<'a> = (&'a CameraFrames, &'a DetectedFrame, &'a EvaluatedFrame);
 
 /// Entities that hold for all frames.
 pub(super) fn still(camera: &Camera, frames: &[Known<'_>], colours: &Colours) -> io::Result<Vec<Chunk>> {
@@ -128,7 +128,7 @@ fn transform(pose: &Isometry3<f64>) -> Transform3D {
 }
 
 /// The outermost markers of a board, one after another, at a pose.
-fn strip(capture: &Capture, camera: &Camera, pose: &Isometry3<f64>) -> LineStrip3D {
+fn strip(capture: &CameraFrames, camera: &Camera, pose: &Isometry3<f64>) -> LineStrip3D {
     let region = BoardRegion::new(&capture.target);
     let corners: Vec<[f32; 3]> =
         region.hull().iter().map(|p| metres(&(pose * Point3::from(camera.board_point(*p))))).collect();

@@ -15,13 +15,13 @@ use re_log_types::LogMsg;
 use re_sdk_types::archetypes::{Points2D, Points3D, Scalars, Transform3D};
 
 use super::{RecordedCapture, write};
-use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal_calibration::judge::evaluate::{EvaluatedFrame, evaluate};
-use depthcal_calibration::observe::Capture;
+use depthcal_calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal_calibration::judge::camera::{EvaluatedFrame, evaluate_camera};
+use depthcal_calibration::observe::CameraFrames;
 
 const FRAMES: usize = 8;
 
-fn simulated() -> Capture {
+fn simulated() -> CameraFrames {
     let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], 3).frames(FRAMES);
     depthcal_calibration::simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap())
 }
@@ -48,8 +48,8 @@ fn read(path: &Path) -> BTreeMap<String, Vec<Chunk>> {
 #[test]
 fn a_recording_holds_what_was_measured_and_corrected() {
     let mut capture = simulated();
-    let camera = calibrate(&capture, &CalibrateOptions::default()).unwrap().camera;
-    let evaluated = evaluate(&camera, &capture);
+    let camera = calibrate_camera(&capture, &CameraOptions::default()).unwrap().camera;
+    let evaluated = evaluate_camera(&camera, &capture);
     assert_eq!(evaluated.frames.len(), FRAMES);
     // Whole images in one frame alone: the others must not show them.
     let (width, height) = (capture.width, capture.height);
@@ -144,8 +144,8 @@ fn assert_frame(
 #[test]
 fn captures_follow_each_other_and_files_that_cannot_be_written_are_errors() {
     let capture = simulated();
-    let camera = calibrate(&capture, &CalibrateOptions::default()).unwrap().camera;
-    let evaluated = evaluate(&camera, &capture);
+    let camera = calibrate_camera(&capture, &CameraOptions::default()).unwrap().camera;
+    let evaluated = evaluate_camera(&camera, &capture);
     let one = RecordedCapture { capture: &capture, evaluated: &evaluated };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("two.rrd");

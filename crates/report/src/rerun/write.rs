@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::cloud::Colours;
 use super::file::Recording;
 use super::scene;
-use depthcal_calibration::judge::evaluate::{Evaluated, EvaluatedFrame};
-use depthcal_calibration::observe::{Capture, DetectedFrame};
+use depthcal_calibration::judge::camera::{EvaluatedCamera, EvaluatedFrame};
+use depthcal_calibration::observe::{CameraFrames, DetectedFrame};
 
 /// Frames that are built at once, in parallel, before they are written.
 const AT_ONCE: usize = 16;
@@ -19,14 +19,14 @@ const AT_ONCE: usize = 16;
 #[derive(Debug, Clone, Copy)]
 pub struct RecordedCapture<'a> {
     /// The measurements.
-    pub capture: &'a Capture,
-    /// [`depthcal_calibration::judge::evaluate::evaluate`] of the camera on it.
-    pub evaluated: &'a Evaluated,
+    pub capture: &'a CameraFrames,
+    /// [`depthcal_calibration::judge::camera::evaluate`] of the camera on it.
+    pub evaluated: &'a EvaluatedCamera,
 }
 
 impl<'a> RecordedCapture<'a> {
     /// The evaluated frames, each with its measurement.
-    fn frames(self) -> impl Iterator<Item = (&'a Capture, &'a DetectedFrame, &'a EvaluatedFrame)> {
+    fn frames(self) -> impl Iterator<Item = (&'a CameraFrames, &'a DetectedFrame, &'a EvaluatedFrame)> {
         let measured = |e: &EvaluatedFrame| self.capture.frames.iter().find(|f| f.name == e.name);
         self.evaluated.frames.iter().filter_map(move |e| Some((self.capture, measured(e)?, e)))
     }

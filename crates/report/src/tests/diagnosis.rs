@@ -3,9 +3,9 @@
 use std::sync::OnceLock;
 
 use depthcal_io::{
-    CameraDiagnosis, DeclaredValue, DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCovariate, DiagnosisDecision,
-    DiagnosisDeclaration, DiagnosisFrame, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, FileReference,
-    Verdict,
+    CameraDiagnosis as CameraRecord, DeclaredValue, DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCovariate,
+    DiagnosisDecision, DiagnosisDeclaration, DiagnosisFrame, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver,
+    FileReference, Verdict,
 };
 use depthcal_model::Register;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
@@ -15,14 +15,14 @@ use super::super::{Made, ReportCamera, ReportDataset, ReportDiagnosis, ReportInp
 use super::{figure_ids, own_part};
 use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
-use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
-use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
+use depthcal_calibration::diagnose::{CameraDiagnoseOptions, CameraDiagnosis, diagnose_camera};
+use depthcal_calibration::judge::camera::{EvaluatedCamera, evaluate_camera};
 
 /// A capture whose depth waves over distance by 3 mm, which the declared model does not say, diagnosed.
 pub(super) struct Diagnosed {
-    pub diagnosis: Diagnosis,
-    pub account: CameraDiagnosis,
-    fitted: Evaluated,
+    pub diagnosis: CameraDiagnosis,
+    pub account: CameraRecord,
+    fitted: EvaluatedCamera,
 }
 
 pub(super) fn diagnosed() -> &'static Diagnosed {
@@ -33,17 +33,17 @@ pub(super) fn diagnosed() -> &'static Diagnosed {
         let simulation = Simulation::new(camera, Kind::General(1), &effects, 2);
         let capture =
             depthcal_calibration::simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
-        let diagnosis = diagnose(&capture, None, &DiagnoseOptions::default()).unwrap();
+        let diagnosis = diagnose_camera(&capture, None, &CameraDiagnoseOptions::default()).unwrap();
         let dataset = FileReference { path: "captures".to_owned(), digest: "00".to_owned() };
         let mut account = to_file(&diagnosis, dataset, "projective".parse().unwrap());
         account.separability = Some(separability(&diagnosis, &Register::builtin()).unwrap());
-        let fitted = evaluate(&diagnosis.last.camera, &diagnosis.last.capture);
+        let fitted = evaluate_camera(&diagnosis.last.camera, &diagnosis.last.capture);
         Diagnosed { diagnosis, account, fitted }
     })
 }
 
 impl Diagnosed {
-    pub(super) fn render(&self, account: &CameraDiagnosis) -> String {
+    pub(super) fn render(&self, account: &CameraRecord) -> String {
         let datasets = [
             ReportDataset { evaluated: &self.fitted, role: Role::Fitted },
             ReportDataset { evaluated: &self.diagnosis.after.evaluated, role: Role::HeldOut },
@@ -179,7 +179,7 @@ fn all_stages_have_intervals() {
     assert!((after.mean - first.after.depth_rms_mm.unwrap()).abs() < 1e-9);
     account.steps.push(first);
     let stages =
-        |account: &CameraDiagnosis| figures(&d.render(account)).into_iter().find(|f| f["id"] == "stages").unwrap();
+        |account: &CameraRecord| figures(&d.render(account)).into_iter().find(|f| f["id"] == "stages").unwrap();
     let bars = |figure: &Value, trace: usize| figure["data"][trace]["x"].as_array().unwrap().len();
     let all = stages(&account);
     assert_eq!((bars(&all, 0), bars(&all, 1)), (4, 4));

@@ -6,11 +6,11 @@ use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 use nalgebra::Point3;
 
 use super::super::{Made, ReportCamera, ReportDataset, ReportInput, Role, render};
-use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal_calibration::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera};
+use depthcal_calibration::judge::camera::{EvaluatedCamera, EvaluatedFrame};
 use depthcal_calibration::judge::depth_errors::{DepthErrors, PixelError};
-use depthcal_calibration::judge::evaluate::{Evaluated, EvaluatedFrame};
 use depthcal_calibration::observe::board_plane::BoardPlane;
-use depthcal_calibration::observe::{Capture, DepthPixel, DetectedFrame, DroppedFrame, MeasuredDepth};
+use depthcal_calibration::observe::{CameraFrames, DepthPixel, DetectedFrame, DroppedFrame, MeasuredDepth};
 use depthcal_calibration::start::{FrameMarkers, estimate_pose};
 use depthcal_model::{Camera, ModelSpec};
 
@@ -21,12 +21,12 @@ const FRAMES: usize = 27;
 #[derive(Debug, Clone)]
 pub(super) struct Fixture {
     pub title: String,
-    pub calibrated: Calibrated,
-    pub fitted: Evaluated,
-    pub held: Evaluated,
+    pub calibrated: CalibratedCamera,
+    pub fitted: EvaluatedCamera,
+    pub held: EvaluatedCamera,
 }
 
-fn observe(effects: &[Effect], samples: usize, frames: usize, seed: u64) -> Capture {
+fn observe(effects: &[Effect], samples: usize, frames: usize, seed: u64) -> CameraFrames {
     let camera = CameraTruth::published(1).unwrap();
     let options = PointOptions { depth_samples: samples, ..PointOptions::default() };
     let simulation = Simulation::new(camera, Kind::General(1), effects, seed).frames(frames);
@@ -34,7 +34,7 @@ fn observe(effects: &[Effect], samples: usize, frames: usize, seed: u64) -> Capt
 }
 
 /// Errors at the depth samples, which stand in for the pixels of a depth image.
-fn frame(camera: &Camera, bare: &Camera, capture: &Capture, frame: &DetectedFrame) -> Option<EvaluatedFrame> {
+fn frame(camera: &Camera, bare: &Camera, capture: &CameraFrames, frame: &DetectedFrame) -> Option<EvaluatedFrame> {
     let markers = FrameMarkers { name: &frame.name, markers: &frame.markers };
     let pose = estimate_pose(camera, &capture.target, &markers).ok()?.camera_from_board;
     let plane = BoardPlane::new(&pose);
@@ -77,15 +77,15 @@ fn frame(camera: &Camera, bare: &Camera, capture: &Capture, frame: &DetectedFram
     })
 }
 
-fn evaluate(camera: &Camera, capture: &Capture) -> Evaluated {
+fn evaluate(camera: &Camera, capture: &CameraFrames) -> EvaluatedCamera {
     let bare = camera.filtered(|b| b.hook() != depthcal_model::hook::HookKind::Depth);
     let frames: Vec<EvaluatedFrame> = capture.frames.iter().filter_map(|f| frame(camera, &bare, capture, f)).collect();
     evaluated(&capture.name, &frames)
 }
 
 /// A dataset of some frames.
-pub(super) fn evaluated(name: &str, frames: &[EvaluatedFrame]) -> Evaluated {
-    Evaluated { name: name.to_owned(), frames: frames.to_vec(), dropped: Vec::new() }
+pub(super) fn evaluated(name: &str, frames: &[EvaluatedFrame]) -> EvaluatedCamera {
+    EvaluatedCamera { name: name.to_owned(), frames: frames.to_vec(), dropped: Vec::new() }
 }
 
 fn build(effects: &[Effect], samples: usize, frames: usize, seed: u64) -> Fixture {
@@ -96,7 +96,7 @@ fn build(effects: &[Effect], samples: usize, frames: usize, seed: u64) -> Fixtur
         let pixels = frame.depth_pixels()[..frame.depth_pixels().len().min(500)].to_vec();
         frame.depth = MeasuredDepth::Pixels(pixels);
     }
-    let mut calibrated = calibrate(&fit, &CalibrateOptions::default()).unwrap();
+    let mut calibrated = calibrate_camera(&fit, &CameraOptions::default()).unwrap();
     let reason = "the board was not found".to_owned();
     calibrated.capture.dropped.push(DroppedFrame { name: "0031".into(), reason: reason.clone() });
     let mut held = evaluate(&calibrated.camera, &capture.subset(|i, _| i % 3 == 2));
@@ -153,11 +153,11 @@ impl Fixture {
 }
 
 /// A calibration without depth, and its errors.
-pub(super) fn image_only() -> (Calibrated, Evaluated) {
+pub(super) fn image_only() -> (CalibratedCamera, EvaluatedCamera) {
     let mut capture = observe(&[], 10, FRAMES, 7);
     capture.frames.iter_mut().for_each(|f| f.depth = MeasuredDepth::None);
     let calibrated =
-        calibrate(&capture, &CalibrateOptions { model: ModelSpec::none(), ..CalibrateOptions::default() }).unwrap();
+        calibrate_camera(&capture, &CameraOptions { model: ModelSpec::none(), ..CameraOptions::default() }).unwrap();
     let evaluated = evaluate(&calibrated.camera, &capture);
     (calibrated, evaluated)
 }

@@ -1,6 +1,6 @@
 //! Effects that the catalogue does not have: invented ones, and its own taken out of it.
 
-use depthcal::calibration::diagnose::{DiagnoseOptions, FREE_MAP, diagnose};
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, FREE_MAP, diagnose_camera};
 use depthcal::io::Verdict;
 use depthcal::model::Register;
 use depthcal_simulate::{Effect, catalogue, uncatalogued};
@@ -38,7 +38,7 @@ impl Study {
     pub fn beyond(&self) {
         header();
         for info in uncatalogued().iter().filter(|e| self.wants(e.name)) {
-            self.outside(info.name, &DiagnoseOptions::default(), |_| Ok(Effect::with_default_size(info.name)?));
+            self.outside(info.name, &CameraDiagnoseOptions::default(), |_| Ok(Effect::with_default_size(info.name)?));
         }
     }
 
@@ -46,7 +46,7 @@ impl Study {
     pub fn absent(&self) {
         header();
         for info in catalogue().iter().filter(|e| self.wants(e.name)) {
-            let mut options = DiagnoseOptions::default();
+            let mut options = CameraDiagnoseOptions::default();
             options.calibrate.register = Register::builtin().without(info.name);
             self.outside(info.name, &options, |seed| {
                 Ok(Effect::new(info.name, 4.0 * detectable_size(info.name, seed)?)?)
@@ -54,13 +54,18 @@ impl Study {
         }
     }
 
-    fn outside(&self, name: &str, options: &DiagnoseOptions, effect: impl Fn(u64) -> Result<Effect, Failure> + Sync) {
+    fn outside(
+        &self,
+        name: &str,
+        options: &CameraDiagnoseOptions,
+        effect: impl Fn(u64) -> Result<Effect, Failure> + Sync,
+    ) {
         let runs: Vec<Run> = self
             .numbers()
             .into_par_iter()
             .filter_map(|seed| {
                 let run = || -> Result<Run, Failure> {
-                    let d = diagnose(&self.capture(&simulation(&[effect(seed)?], seed)?)?, None, options)?;
+                    let d = diagnose_camera(&self.capture(&simulation(&[effect(seed)?], seed)?)?, None, options)?;
                     let errors = [depth_rms_mm(&d.before), depth_rms_mm(&d.after)];
                     let told: Vec<String> =
                         d.rounds.iter().map(|r| format!("{:?}: {:?}", r.decision, r.outcome)).collect();

@@ -1,11 +1,11 @@
 //! Whether 95 % intervals hold the truth in 95 % of captures: those of the parameters, and that of the reported error.
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::DiagnoseOptions;
-use depthcal::calibration::judge::cross_validation::{cross_validate, depth_rms_interval, errors};
-use depthcal::calibration::judge::evaluate::evaluate;
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal::calibration::diagnose::CameraDiagnoseOptions;
+use depthcal::calibration::judge::camera::evaluate_camera;
+use depthcal::calibration::judge::cross_validation::{cross_validate_camera, depth_rms_interval, errors};
 use depthcal::calibration::judge::parts::Parts;
-use depthcal::calibration::observe::Capture;
+use depthcal::calibration::observe::CameraFrames;
 use depthcal::calibration::simulated;
 use depthcal_simulate::{CameraTruth, DepthNoise, Kind, Noise, PointOptions, Simulation};
 use rand::{RngExt, SeedableRng};
@@ -47,7 +47,7 @@ impl Study {
 }
 
 /// A capture by a drawn camera with drawn noise; frames with their own planes where wanted.
-fn capture(seed: u64, frames: usize, session: u64, has_planes: bool) -> Result<(Capture, CameraTruth), Failure> {
+fn capture(seed: u64, frames: usize, session: u64, has_planes: bool) -> Result<(CameraFrames, CameraTruth), Failure> {
     let mut rng = ChaCha8Rng::seed_from_u64(11_000 + seed);
     let camera = CameraTruth::published(rng.random_range(1..=4))?;
     let depth = match rng.random_bool(0.5) {
@@ -75,14 +75,14 @@ fn capture(seed: u64, frames: usize, session: u64, has_planes: bool) -> Result<(
 
 fn run(seed: u64, has_planes: bool) -> Result<Run, Failure> {
     let (observed, camera) = capture(seed, 30, 1, has_planes)?;
-    let options = CalibrateOptions::default();
-    let fit = calibrate(&observed, &options)?;
+    let options = CameraOptions::default();
+    let fit = calibrate_camera(&observed, &options)?;
     let z = fit.camera.theta().into_iter().zip(simulated::true_theta(&camera)).zip(fit.std_devs());
     let z: Vec<f64> = z.filter_map(|((found, truth), std)| Some((found - truth).abs() / std?)).collect();
     let within = z.iter().filter(|z| **z < SIGMAS).count();
-    let judged = cross_validate(&fit, DiagnoseOptions::default().folds, Parts::Interleaved, &options)?;
+    let judged = cross_validate_camera(&fit, CameraDiagnoseOptions::default().folds, Parts::Interleaved, &options)?;
     let interval = depth_rms_interval(&judged).ok_or("no interval")?;
-    let truth = errors(&evaluate(&fit.camera, &capture(seed, FRAMES_OF_TRUTH, 2, has_planes)?.0));
+    let truth = errors(&evaluate_camera(&fit.camera, &capture(seed, FRAMES_OF_TRUTH, 2, has_planes)?.0));
     let truth = truth.depth_rms_mm.ok_or("no depth")?;
     let holds = interval.low <= truth && truth <= interval.high;
     eprintln!(

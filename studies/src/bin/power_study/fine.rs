@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, diagnose};
+use depthcal::calibration::calibrate::{CalibratedCamera, CameraOptions, calibrate_camera};
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, diagnose_camera};
 use depthcal::calibration::observe::PixelRays;
 use depthcal::calibration::observe::board_plane::BoardPlane;
 use depthcal::io::{DepthImage, Verdict, read_depth, write_depth};
@@ -76,9 +76,9 @@ fn patterned(pattern: Pattern, period: f64, seed: u64) -> Result<[bool; 2], Fail
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("capture");
     drawn.simulation.write_dataset(&path)?;
-    let fit = calibrate(&load_anew(&path)?, &CalibrateOptions::default())?;
+    let fit = calibrate_camera(&load_anew(&path)?, &CameraOptions::default())?;
     plant(&path, &fit, &drawn.noise, pattern, period)?;
-    let d = diagnose(&load_anew(&path)?, None, &DiagnoseOptions::default())?;
+    let d = diagnose_camera(&load_anew(&path)?, None, &CameraDiagnoseOptions::default())?;
     let shares = d.pure_error.as_ref().is_some_and(|p| !p.shared.is_empty());
     let ratio = d.pure_error.as_ref().map_or(f64::NAN, |p| p.ratio());
     eprintln!("{pattern:?} {period} {seed}: {:?} shared {shares}, ratio {ratio:.3}", d.verdict);
@@ -86,7 +86,7 @@ fn patterned(pattern: Pattern, period: f64, seed: u64) -> Result<[bool; 2], Fail
 }
 
 /// Adds a pattern to the depth images of a dataset.
-fn plant(path: &Path, fit: &Calibrated, noise: &Noise, pattern: Pattern, period: f64) -> Result<(), Failure> {
+fn plant(path: &Path, fit: &CalibratedCamera, noise: &Noise, pattern: Pattern, period: f64) -> Result<(), Failure> {
     let unit_mm = fit.capture.depth_unit_mm.unwrap_or(1.0);
     let rays = PixelRays::new(&fit.camera, &fit.capture.target);
     for frame in &fit.capture.frames {

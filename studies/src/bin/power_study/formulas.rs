@@ -4,11 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, Thresholds};
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, CameraDiagnosis, Thresholds};
+use depthcal::calibration::judge::camera::residual_pixels;
 use depthcal::calibration::judge::cross_validation::{cross_validate_thinned, errors};
 use depthcal::calibration::judge::depth_errors::PixelError;
-use depthcal::calibration::judge::evaluate::residual_pixels;
 use depthcal::calibration::judge::parts::Parts;
 use depthcal::calibration::simulated;
 use depthcal::io::DiagnosisPlace;
@@ -75,7 +75,7 @@ pub(super) fn family(covariate: &str) -> &'static str {
 }
 
 impl Run {
-    pub fn new(d: &Diagnosis, truth: &[&str], place: Option<DiagnosisPlace>, ratio: f64) -> Self {
+    pub fn new(d: &CameraDiagnosis, truth: &[&str], place: Option<DiagnosisPlace>, ratio: f64) -> Self {
         let covariates = (!d.steps.is_empty()).then(|| covariates_found(d, &names_of_catalogue(d)));
         let truth: BTreeSet<&str> = truth.iter().map(|c| family(c)).collect();
         Self {
@@ -125,9 +125,9 @@ fn header() {
 impl Study {
     /// Held-out error of a capture under the declared model, mm.
     fn error_without(&self, simulation: &Simulation) -> Result<f64, Failure> {
-        let options = CalibrateOptions::default();
-        let fit = calibrate(&self.capture(simulation)?, &options)?;
-        let folds = DiagnoseOptions::default().folds;
+        let options = CameraOptions::default();
+        let fit = calibrate_camera(&self.capture(simulation)?, &options)?;
+        let folds = CameraDiagnoseOptions::default().folds;
         let evaluated = cross_validate_thinned(&fit, folds, Parts::Interleaved, JUDGED_PIXELS, &options)?;
         Ok(errors(&evaluated).depth_rms_mm.unwrap_or(f64::NAN))
     }
@@ -180,7 +180,7 @@ impl Study {
     }
 }
 
-pub(super) fn log(what: &str, d: &Diagnosis, run: &Run) {
+pub(super) fn log(what: &str, d: &CameraDiagnosis, run: &Run) {
     let formulas: Vec<String> = d
         .formulas
         .iter()
@@ -214,10 +214,10 @@ impl Seen {
     /// is that from frame to frame.
     fn of(given: GivenEffect, covariates: &[&'static str], seed: u64) -> Result<Self, Failure> {
         // Planes of whole frames would take up part of the effect.
-        let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
+        let options = CameraOptions { frame_planes: false, ..CameraOptions::default() };
         let fit = |simulation: &Simulation| -> Result<_, Failure> {
             let capture = simulated::capture(&simulation.observe_points(&PointOptions::default())?);
-            let fit = calibrate(&capture, &options)?;
+            let fit = calibrate_camera(&capture, &options)?;
             let residuals = residual_pixels(&fit.camera, &fit.capture, |pixels| pixels);
             Ok((fit, residuals))
         };

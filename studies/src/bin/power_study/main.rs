@@ -37,9 +37,9 @@ use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
 
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, HeldOut, diagnose};
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, CameraDiagnosis, HeldOut, diagnose_camera};
 use depthcal::calibration::load::{LoadOptions, load};
-use depthcal::calibration::observe::Capture;
+use depthcal::calibration::observe::CameraFrames;
 use depthcal::calibration::simulated;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 
@@ -82,7 +82,7 @@ impl Study {
         self.first..self.first + self.seeds
     }
 
-    fn capture(&self, simulation: &Simulation) -> Result<Capture, Failure> {
+    fn capture(&self, simulation: &Simulation) -> Result<CameraFrames, Failure> {
         if !self.images {
             return Ok(simulated::capture(&simulation.observe_points(&PointOptions::default())?));
         }
@@ -92,18 +92,18 @@ impl Study {
         load_anew(&path)
     }
 
-    fn diagnose(&self, simulation: &Simulation) -> Result<Diagnosis, Failure> {
-        Ok(diagnose(&self.capture(simulation)?, None, &DiagnoseOptions::default())?)
+    fn diagnose(&self, simulation: &Simulation) -> Result<CameraDiagnosis, Failure> {
+        Ok(diagnose_camera(&self.capture(simulation)?, None, &CameraDiagnoseOptions::default())?)
     }
 }
 
 /// The capture of a dataset on disk, detected anew.
-fn load_anew(path: &Path) -> Result<Capture, Failure> {
+fn load_anew(path: &Path) -> Result<CameraFrames, Failure> {
     Ok(load(path, &LoadOptions { cache: None, ..LoadOptions::default() })?.into_only_camera()?.capture)
 }
 
 /// The names of a diagnosis, in order.
-fn names(diagnosis: &Diagnosis) -> Vec<String> {
+fn names(diagnosis: &CameraDiagnosis) -> Vec<String> {
     diagnosis.steps.iter().map(|s| s.effects[0].clone()).collect()
 }
 

@@ -1,7 +1,7 @@
 //! Functions that no catalogue has, of random covariates, places and forms, seen by random cameras.
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, FREE_MAP};
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, FREE_MAP};
 use depthcal::calibration::judge::cross_validation::{cross_validate_thinned, errors};
 use depthcal::calibration::judge::parts::Parts;
 use depthcal::io::Verdict;
@@ -51,9 +51,9 @@ impl Study {
         let d = self.diagnose(&simulation)?;
         let function: Vec<String> =
             simulation.truth()?.effects.iter().flat_map(|e| e.parameters.keys().cloned()).collect();
-        let options = CalibrateOptions::default();
-        let without = calibrate(&self.capture(&drawn(&[], seed)?.simulation)?, &options)?;
-        let folds = DiagnoseOptions::default().folds;
+        let options = CameraOptions::default();
+        let without = calibrate_camera(&self.capture(&drawn(&[], seed)?.simulation)?, &options)?;
+        let folds = CameraDiagnoseOptions::default().folds;
         let pure = errors(&cross_validate_thinned(&without, folds, Parts::Interleaved, JUDGED_PIXELS, &options)?);
         let ratio = depth_rms_mm(&d.before) / pure.depth_rms_mm.unwrap_or(f64::NAN);
         // The free map and formulas describe and name nothing.

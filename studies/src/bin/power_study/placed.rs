@@ -1,8 +1,8 @@
 //! A depth effect of the catalogue in a place and a form drawn at random: is it named, and are place and form right?
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::DiagnoseOptions;
-use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal::calibration::diagnose::CameraDiagnoseOptions;
+use depthcal::calibration::judge::cross_validation::{cross_validate_camera, errors};
 use depthcal::calibration::judge::parts::Parts;
 use depthcal_simulate::{Effect, Form, Place, catalogue};
 use rand::{RngExt, SeedableRng};
@@ -73,9 +73,10 @@ impl Study {
         let truth = simulation.truth()?;
         let spec = declared(&truth.effects[0], last_s(&truth), if self.images { 255.0 } else { 1.0 });
         let expected = placement(&truth.effects[0]);
-        let told = CalibrateOptions { effects: vec![spec.placed(expected)], ..CalibrateOptions::default() };
-        let with_effect = calibrate(&d.last.capture.detected(), &told)?;
-        let oracle = cross_validate(&with_effect, DiagnoseOptions::default().folds, Parts::Interleaved, &told)?;
+        let told = CameraOptions { effects: vec![spec.placed(expected)], ..CameraOptions::default() };
+        let with_effect = calibrate_camera(&d.last.capture.detected(), &told)?;
+        let oracle =
+            cross_validate_camera(&with_effect, CameraDiagnoseOptions::default().folds, Parts::Interleaved, &told)?;
         let step = d.steps.iter().find(|s| s.effects[0] == name);
         let is_expected = |p: &depthcal::io::DiagnosisPlace| p.of == expected.of && Some(p.on) == expected.on;
         let place_is_right = step.and_then(|s| s.place).is_some_and(|p| is_expected(&p));

@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 
 use depthcal::Register;
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, FREE_MAP, diagnose};
-use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
-use depthcal::calibration::judge::evaluate::evaluate;
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, CameraDiagnosis, FREE_MAP, diagnose_camera};
+use depthcal::calibration::judge::camera::evaluate_camera;
+use depthcal::calibration::judge::cross_validation::{cross_validate_camera, errors};
 use depthcal::calibration::judge::parts::Parts;
 use depthcal::io::Verdict;
 use depthcal_simulate::{Effect, Pose, Simulation};
@@ -44,13 +44,13 @@ fn covariates_of(name: &str) -> &'static [&'static str] {
 }
 
 /// The effects of the catalogue that a diagnosis names.
-pub fn names_of_catalogue(d: &Diagnosis) -> Vec<String> {
+pub fn names_of_catalogue(d: &CameraDiagnosis) -> Vec<String> {
     let is_formula = |name: &String| d.formulas.iter().any(|f| f.effect.name() == name);
     names(d).into_iter().filter(|name| name != FREE_MAP && !is_formula(name)).collect()
 }
 
 /// The families of the covariates of a diagnosis' formulas and of these names.
-pub fn covariates_found(d: &Diagnosis, named: &[String]) -> BTreeSet<&'static str> {
+pub fn covariates_found(d: &CameraDiagnosis, named: &[String]) -> BTreeSet<&'static str> {
     let of_formulas = d.formulas.iter().flat_map(|f| f.covariates.iter().map(|c| family(c)));
     let of_names = named.iter().flat_map(|name| covariates_of(name)).map(|c| family(c));
     of_formulas.chain(of_names).collect()
@@ -115,17 +115,21 @@ impl Study {
         let truth = near.truth()?;
         let d = {
             let register = Register::builtin().without(name);
-            let calibrate = CalibrateOptions { register, ..CalibrateOptions::default() };
-            diagnose(&self.capture(&near)?, None, &DiagnoseOptions { calibrate, ..DiagnoseOptions::default() })?
+            let calibrate = CameraOptions { register, ..CameraOptions::default() };
+            diagnose_camera(
+                &self.capture(&near)?,
+                None,
+                &CameraDiagnoseOptions { calibrate, ..CameraDiagnoseOptions::default() },
+            )?
         };
         let of_effect = truth.effects.iter().find(|e| e.name == name).ok_or("no such effect")?;
         let effects = vec![declared(of_effect, last_s(&truth), if self.images { 255.0 } else { 1.0 })];
-        let told = CalibrateOptions { effects, ..CalibrateOptions::default() };
-        let oracle = calibrate(&d.last.capture.detected(), &told)?;
-        let folds = DiagnoseOptions::default().folds;
-        let held_out = errors(&cross_validate(&oracle, folds, Parts::Interleaved, &told)?);
+        let told = CameraOptions { effects, ..CameraOptions::default() };
+        let oracle = calibrate_camera(&d.last.capture.detected(), &told)?;
+        let folds = CameraDiagnoseOptions::default().folds;
+        let held_out = errors(&cross_validate_camera(&oracle, folds, Parts::Interleaved, &told)?);
         let far = self.capture(&beyond(near, &truth.frames.iter().map(|f| f.pose).collect::<Vec<_>>()))?;
-        let rms_far = |camera| errors(&evaluate(camera, &far)).depth_rms_mm.unwrap_or(f64::NAN);
+        let rms_far = |camera| errors(&evaluate_camera(camera, &far)).depth_rms_mm.unwrap_or(f64::NAN);
         let ratios = [
             depth_rms_mm(&d.after) / held_out.depth_rms_mm.unwrap_or(f64::NAN),
             rms_far(&d.last.camera) / rms_far(&oracle.camera),
@@ -151,7 +155,7 @@ fn beyond(near: Simulation, poses: &[Pose]) -> Simulation {
 }
 
 impl Run {
-    fn new(known: &Known, d: &Diagnosis, ratios: [f64; 2]) -> Self {
+    fn new(known: &Known, d: &CameraDiagnosis, ratios: [f64; 2]) -> Self {
         let formulas = &d.formulas;
         let named = names_of_catalogue(d);
         let covariates = covariates_found(d, &named);

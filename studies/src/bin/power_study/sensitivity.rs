@@ -1,7 +1,7 @@
 //! How much the rates depend on each threshold: at half and at double its value, over the same captures.
 
-use depthcal::calibration::diagnose::{DiagnoseOptions, Thresholds, diagnose};
-use depthcal::calibration::observe::Capture;
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, Thresholds, diagnose_camera};
+use depthcal::calibration::observe::CameraFrames;
 use depthcal::io::Verdict;
 use depthcal_simulate::{Defects, Effect, Noise, catalogue, uncatalogued};
 use rayon::prelude::*;
@@ -113,7 +113,7 @@ struct Outcome {
 impl Study {
     /// The captures of the study: an effect of the catalogue in each at the first of the factors, effects that it lacks, none,
     /// and none but frames that do not belong.
-    fn captures(&self) -> Vec<(Lacking, Capture)> {
+    fn captures(&self) -> Vec<(Lacking, CameraFrames)> {
         let factor = self.factors.first().copied().unwrap_or(4.0);
         let known = catalogue().iter().filter(|e| self.wants(e.name)).map(|e| Drawn::Known(e.name));
         let unknown = uncatalogued().iter().map(|e| Drawn::Unknown(e.name));
@@ -146,11 +146,11 @@ impl Study {
         all.into_par_iter().filter_map(|c| capture(c).inspect_err(|e| eprintln!("{e}")).ok()).collect()
     }
 
-    fn outcomes(&self, captures: &[(Lacking, Capture)], thresholds: Thresholds) -> Vec<Option<Outcome>> {
+    fn outcomes(&self, captures: &[(Lacking, CameraFrames)], thresholds: Thresholds) -> Vec<Option<Outcome>> {
         // The rules for formulas have a study of their own, and a formula for what has no name is no false name.
-        let options = DiagnoseOptions { thresholds, formulas: false, ..DiagnoseOptions::default() };
-        let outcome = |(lacking, capture): &(Lacking, Capture)| {
-            let d = diagnose(capture, None, &options).inspect_err(|e| eprintln!("{e}")).ok()?;
+        let options = CameraDiagnoseOptions { thresholds, formulas: false, ..CameraDiagnoseOptions::default() };
+        let outcome = |(lacking, capture): &(Lacking, CameraFrames)| {
+            let d = diagnose_camera(capture, None, &options).inspect_err(|e| eprintln!("{e}")).ok()?;
             let added: Vec<String> =
                 names(&d).into_iter().filter(|n| n != depthcal::calibration::diagnose::FREE_MAP).collect();
             let (right, expected) = match lacking {

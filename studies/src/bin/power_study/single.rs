@@ -1,9 +1,9 @@
 //! One undeclared effect: is it named, how large is it said to be, and what does the correction leave?
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
 use depthcal::calibration::diagnose::examination::scores;
-use depthcal::calibration::diagnose::{DiagnoseOptions, Thresholds};
-use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, Thresholds};
+use depthcal::calibration::judge::cross_validation::{cross_validate_camera, errors};
 use depthcal::calibration::judge::parts::Parts;
 use depthcal::calibration::simulated;
 use depthcal::io::Verdict;
@@ -25,7 +25,7 @@ pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
 pub fn detectable(name: &str, place: Option<(Place, Form)>, seed: u64) -> Result<f64, Failure> {
     let mut size = Effect::with_default_size(name)?.size;
     // Planes of whole frames would take up part of the effect.
-    let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
+    let options = CameraOptions { frame_planes: false, ..CameraOptions::default() };
     let thresholds = Thresholds::default();
     let level = thresholds.level / catalogue().len() as f64;
     let (mut lambda, mut rank) = (1.0, 1);
@@ -35,7 +35,7 @@ pub fn detectable(name: &str, place: Option<(Place, Form)>, seed: u64) -> Result
         let observed = simulation.observe_points(&PointOptions::default())?;
         let truth = observed.truth.effects.first().ok_or("no effect")?;
         let spec = declared(truth, last_s(&observed.truth), 1.0).placed(placement(truth));
-        let fit = calibrate(&simulated::capture(&observed), &options)?;
+        let fit = calibrate_camera(&simulated::capture(&observed), &options)?;
         let score = scores(&fit, &options.register, &[spec])?.remove(0);
         lambda = (score.statistic - score.rank as f64).max(1.0);
         rank = score.rank;
@@ -99,10 +99,10 @@ impl Study {
         let truth = all.effects.iter().find(|e| e.name == name).ok_or("no such effect")?;
         let full_scale = if self.images { 255.0 } else { 1.0 };
         let effects = vec![declared(truth, last_s(&all), full_scale)];
-        let told = CalibrateOptions { effects, ..CalibrateOptions::default() };
-        let folds = DiagnoseOptions::default().folds;
-        let with_effect = calibrate(&diagnosis.last.capture.detected(), &told)?;
-        let oracle = cross_validate(&with_effect, folds, Parts::Interleaved, &told)?;
+        let told = CameraOptions { effects, ..CameraOptions::default() };
+        let folds = CameraDiagnoseOptions::default().folds;
+        let with_effect = calibrate_camera(&diagnosis.last.capture.detected(), &told)?;
+        let oracle = cross_validate_camera(&with_effect, folds, Parts::Interleaved, &told)?;
         let recovery = if diagnosis.last.camera.block(name).is_some() {
             recovery(simulation, &diagnosis.last, truth, full_scale)?
         } else {

@@ -2,7 +2,7 @@
 //! effect (a displacement that the focal length takes up, a bias that D takes up): both are compared in the part that the
 //! others cannot make.
 
-use depthcal::calibration::calibrate::Calibrated;
+use depthcal::calibration::calibrate::CalibratedCamera;
 use depthcal::calibration::simulated;
 use depthcal::model::Context;
 use depthcal::model::hook::HookKind;
@@ -48,7 +48,7 @@ fn exact(simulation: &Simulation, effects: &[Effect]) -> Result<PointObservation
 /// Amplitudes of the fit are `full_scale` times the simulator's.
 pub fn recovery(
     simulation: &Simulation,
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     truth: &EffectTruth,
     full_scale: f64,
 ) -> Result<Option<Recovery>, Failure> {
@@ -77,7 +77,7 @@ pub fn recovery(
 }
 
 /// Heights over the markers; poses take up planes.
-fn bow(fit: &Calibrated, theta: &[f64], [a, b, c]: [f64; 3]) -> Recovery {
+fn bow(fit: &CalibratedCamera, theta: &[f64], [a, b, c]: [f64; 3]) -> Recovery {
     let points = fit.capture.target.points();
     let span = |k: usize| {
         let extreme = |pick: fn(f64, f64) -> f64, start: f64| points.iter().map(|p| p[k]).fold(start, pick);
@@ -99,7 +99,7 @@ fn bow(fit: &Calibrated, theta: &[f64], [a, b, c]: [f64; 3]) -> Recovery {
 }
 
 /// Heights over the markers, of the piece and of the simulated waves; poses and a bow take up terms of second degree.
-fn warp(fit: &Calibrated, [x_mm, x_radians, y_mm, y_radians]: [f64; 4]) -> Recovery {
+fn warp(fit: &CalibratedCamera, [x_mm, x_radians, y_mm, y_radians]: [f64; 4]) -> Recovery {
     let points = fit.capture.target.points();
     let [low, high] = fit.capture.target.marker_rectangle();
     let place = |p: &[f64; 2]| [0, 1].map(|i| (2.0 * p[i] - low[i] - high[i]) / (high[i] - low[i]));
@@ -116,7 +116,7 @@ fn warp(fit: &Calibrated, [x_mm, x_radians, y_mm, y_radians]: [f64; 4]) -> Recov
 
 /// Inverse depth at the same pixels; D takes up what is affine in x, y and ρ.
 fn depth(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     name: &str,
     with: &PointObservations,
     without: &PointObservations,
@@ -167,7 +167,7 @@ fn normal(points: &[Vector3<f64>]) -> Option<Vector3<f64>> {
 
 /// Positions of the markers in the image; K and the five coefficients of the lens take up their share.
 fn lens(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     name: &str,
     with: &PointObservations,
     without: &PointObservations,

@@ -5,12 +5,12 @@ use std::fs;
 use std::path::Path;
 
 use depthcal::calibration::calibrate::{
-    CalibrateOptions, Calibrated, PLAUSIBLE_SCALE_DEVIATION, calibrate, implausible_scale,
+    CalibratedCamera, CameraOptions, PLAUSIBLE_SCALE_DEVIATION, calibrate_camera, implausible_scale,
 };
-use depthcal::calibration::diagnose::{DiagnoseOptions, diagnose};
-use depthcal::calibration::judge::evaluate::evaluate;
+use depthcal::calibration::diagnose::{CameraDiagnoseOptions, diagnose_camera};
+use depthcal::calibration::judge::camera::evaluate_camera;
 use depthcal::calibration::load::{LoadOptions, Loaded, declared_camera, load};
-use depthcal::calibration::observe::Capture;
+use depthcal::calibration::observe::CameraFrames;
 use depthcal::calibration::simulated;
 use depthcal::io::{DepthImage, GrayImage, Verdict, write_depth, write_gray};
 use depthcal_simulate::{PointOptions, RenderedFrame};
@@ -70,14 +70,14 @@ impl Outcome {
             move_markers(&mut loaded.capture, share, &mut rng);
         }
         let capture = &loaded.capture;
-        let options = CalibrateOptions::default();
+        let options = CameraOptions::default();
         let start = declared_camera(&loaded.declared, capture.width, capture.height, None, &options.register);
         let start = match start {
             Ok(start) => start,
             Err(error) => return Ok(refused(&error)),
         };
-        let options = CalibrateOptions { camera: start, ..options };
-        let fit = match calibrate(capture, &options) {
+        let options = CameraOptions { camera: start, ..options };
+        let fit = match calibrate_camera(capture, &options) {
             Ok(fit) => fit,
             Err(error) => return Ok(refused(&error)),
         };
@@ -91,13 +91,13 @@ impl Outcome {
             calibrate_warns: contradicts || is_off || dropped > usual.dropped || wrong_markers > usual.wrong_markers,
             dropped,
             wrong_markers,
-            depth_rms_mm: evaluate(&fit.camera, &truth.other).record().depth_rms_mm.map(|error| error.after),
+            depth_rms_mm: evaluate_camera(&fit.camera, &truth.other).record().depth_rms_mm.map(|error| error.after),
             ..Self::default()
         };
-        let defaults = DiagnoseOptions::default();
-        let options = CalibrateOptions { camera: options.camera, ..defaults.calibrate.clone() };
-        let options = DiagnoseOptions { formulas: false, calibrate: options, ..defaults };
-        let words = match diagnose(capture, None, &options) {
+        let defaults = CameraDiagnoseOptions::default();
+        let options = CameraOptions { camera: options.camera, ..defaults.calibrate.clone() };
+        let options = CameraDiagnoseOptions { formulas: false, calibrate: options, ..defaults };
+        let words = match diagnose_camera(capture, None, &options) {
             Err(error) => {
                 outcome.diagnose_warns = true;
                 error.to_string()
@@ -230,7 +230,7 @@ fn declaration(rendered: &Rendered, fault: Fault) -> String {
 }
 
 /// A share of the markers is wrong.
-fn move_markers(capture: &mut Capture, share: f64, rng: &mut ChaCha8Rng) {
+fn move_markers(capture: &mut CameraFrames, share: f64, rng: &mut ChaCha8Rng) {
     for marker in capture.frames.iter_mut().flat_map(|frame| &mut frame.markers) {
         if rng.random_bool(share) {
             let (sine, cosine) = rng.random_range(0.0..std::f64::consts::TAU).sin_cos();
@@ -245,7 +245,7 @@ struct Truth {
     /// The parameters.
     theta: Vec<f64>,
     /// Other frames.
-    other: Capture,
+    other: CameraFrames,
 }
 
 impl Truth {
@@ -271,7 +271,7 @@ impl Truth {
     }
 
     /// Whether all free parameters together are within three standard deviations of it.
-    fn is_hit_by(&self, fit: &Calibrated) -> bool {
+    fn is_hit_by(&self, fit: &CalibratedCamera) -> bool {
         let theta = fit.camera.theta();
         let Some(covariance) = fit.covariance.as_ref().filter(|_| theta.len() == self.theta.len()) else {
             return false;

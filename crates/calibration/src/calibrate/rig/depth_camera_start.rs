@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::adjust::smoothness_prior::Smoothness;
-use crate::calibrate::{CalibrateOptions, Calibrated, lens_named, prepare_depth};
+use crate::calibrate::{CalibratedCamera, CameraOptions, lens_named, prepare_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
-use crate::observe::{Capture, DetectedFrame, MarkerObservation, PosedFrame};
+use crate::observe::{CameraFrames, DetectedFrame, MarkerObservation, PosedFrame};
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 use tracing::info;
@@ -23,7 +23,7 @@ const FEWEST_FRAMES: usize = 5;
 #[derive(Debug, Clone)]
 pub struct DepthStart {
     /// Camera, frames with samples, noise; its frames have no markers.
-    pub prepared: Calibrated,
+    pub prepared: CalibratedCamera,
     /// Its place.
     pub camera_from_rig: Isometry3<f64>,
     /// Whether its intrinsics are declared, rather than assumed.
@@ -39,7 +39,7 @@ pub struct DepthStart {
 pub fn start_depth_camera(
     camera: &CameraCapture,
     rig_from_board: &BTreeMap<&str, Isometry3<f64>>,
-    options: &CalibrateOptions,
+    options: &CameraOptions,
 ) -> Result<DepthStart, CalibrateError> {
     let lacking = |reason: String| CalibrateError::DepthStart { camera: camera.name.clone(), reason };
     let capture = &camera.capture;
@@ -102,7 +102,7 @@ pub fn start_depth_camera(
 }
 
 /// Names of the frames that are about one of several boards in one depth image.
-fn frames_of_several_boards(capture: &Capture) -> BTreeSet<&str> {
+fn frames_of_several_boards(capture: &CameraFrames) -> BTreeSet<&str> {
     let parts = capture.target.parts();
     let of_image = |frame: &DetectedFrame| {
         parts.get(frame.board).map_or(frame.name.as_str(), |part| part.image_name(&frame.name)).to_owned()
@@ -114,13 +114,13 @@ fn frames_of_several_boards(capture: &Capture) -> BTreeSet<&str> {
 
 /// Samples the depth of the frames whose planes agree, within the board as the other cameras see it.
 fn sampled(
-    capture: &Capture,
+    capture: &CameraFrames,
     camera: &Camera,
     camera_from_rig: &Isometry3<f64>,
     rig_from_board: &BTreeMap<&str, Isometry3<f64>>,
     agreeing: &[&str],
-    options: &CalibrateOptions,
-) -> Result<Calibrated, crate::calibrate::CalibrateError> {
+    options: &CameraOptions,
+) -> Result<CalibratedCamera, crate::calibrate::CalibrateError> {
     // The region that is sampled is that of the frame's markers: here the whole board.
     let whole = |index: usize| MarkerObservation { index, pixel: [f64::NAN; 2], std_px: 1.0 };
     let posed = capture.frames.iter().filter(|f| agreeing.contains(&f.name.as_str())).filter_map(|frame| {
@@ -129,7 +129,7 @@ fn sampled(
         detected.markers = capture.target.points_of(frame.board).into_iter().map(|(index, _)| whole(index)).collect();
         Some(PosedFrame { detected, camera_from_board: camera_from_rig * pose })
     });
-    let start = Calibrated {
+    let start = CalibratedCamera {
         foreign_depth: Vec::new(),
         capture: capture.with_frames(posed.collect()),
         camera: camera.clone(),

@@ -2,19 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use crate::calibrate::{Calibrated, calibrate_image_or_cause, prepare_depth};
-use crate::observe::{Capture, DroppedFrame, PosedFrame};
+use crate::calibrate::{CalibrateOptions, CalibratedCamera, calibrate_image_or_cause, prepare_depth};
+use crate::observe::{CameraFrames, DroppedFrame, PosedFrame};
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 
 use super::depth_camera_prior::priors_of;
 use super::depth_camera_start::{DepthStart, start_depth_camera};
 use super::known_extrinsics::take_known;
-use super::options::RigOptions;
 use crate::adjust::state::{CameraState, RigFrame, State};
 use crate::calibrate::CalibrateError;
 use crate::observe::Taken;
-use crate::observe::{CameraCapture, RigCapture};
+use crate::observe::{CameraCapture, Capture};
 use crate::start::views::{Node, PairSummary, connect, offset_between};
 
 /// Fewest frames of a camera with a time offset.
@@ -24,17 +23,17 @@ const NO_MOTION: &str = "fewer than 6 frames that it shares have times and neigh
                          and capture a video of a board that moves, or leave time_offset out for a board that stands still";
 
 /// The start of an adjustment.
-pub(super) struct Started {
+pub(in crate::calibrate) struct Started {
     pub state: State,
     pub pairs: Vec<PairSummary>,
     /// Every camera calibrated before the adjustment of the rig, for the record.
-    pub alone: Vec<Calibrated>,
+    pub alone: Vec<CalibratedCamera>,
     /// Whether a camera's intrinsics are declared, for those without images.
     pub is_declared: Vec<bool>,
 }
 
 /// Calibrates every camera with images alone, connects the cameras, and samples their depth.
-pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Started, CalibrateError> {
+pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions) -> Result<Started, CalibrateError> {
     let with_images: Vec<_> = capture.cameras.iter().filter(|c| c.has_markers()).collect();
     match (with_images.first(), capture.cameras.first()) {
         (None, _) | (_, None) => return Err(CalibrateError::NoImages { dataset: capture.name.clone() }),
@@ -43,7 +42,7 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
         }
         _ => {}
     }
-    let mut from_images: Vec<Calibrated<PosedFrame>> = Vec::new();
+    let mut from_images: Vec<CalibratedCamera<PosedFrame>> = Vec::new();
     for camera in &with_images {
         let camera_options = options.of(camera)?;
         let from_image = calibrate_image_or_cause(&camera.capture, &camera_options);
@@ -116,15 +115,15 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
 }
 
 /// Whether the time offset of a camera is to be estimated.
-fn is_asked(camera: &CameraCapture, options: &RigOptions) -> bool {
+fn is_asked(camera: &CameraCapture, options: &CalibrateOptions) -> bool {
     options.time_offsets.contains(&camera.name)
 }
 
 /// Start values of the time offsets that are asked for, s, of the cameras with images; `None` for the others.
 fn time_offsets(
     cameras: &[&CameraCapture],
-    alone: &[Calibrated<PosedFrame>],
-    options: &RigOptions,
+    alone: &[CalibratedCamera<PosedFrame>],
+    options: &CalibrateOptions,
 ) -> Result<Vec<Option<f64>>, CalibrateError> {
     let offset = |(number, camera): (usize, &&CameraCapture)| {
         if !is_asked(camera, options) {
@@ -171,14 +170,14 @@ fn drop_frames_without_motion(state: &mut State) -> Result<(), CalibrateError> {
 
 /// The frames that any camera has, with the pose of the board by the camera in which most markers were found.
 fn rig_frames(
-    capture: &RigCapture,
-    cameras: &[Calibrated<PosedFrame>],
+    capture: &Capture,
+    cameras: &[CalibratedCamera<PosedFrame>],
     camera_from_rig: &[Isometry3<f64>],
     offsets: &[Option<f64>],
 ) -> Vec<RigFrame> {
     let mut best: BTreeMap<String, ((bool, usize), RigFrame)> = BTreeMap::new();
     for ((camera, place), offset) in cameras.iter().zip(camera_from_rig).zip(offsets) {
-        let posed: &Capture<PosedFrame> = &camera.capture;
+        let posed: &CameraFrames<PosedFrame> = &camera.capture;
         for frame in &posed.frames {
             // A frame is when those cameras see it that need no offset.
             let markers = (offset.is_none(), frame.markers.len());

@@ -17,7 +17,7 @@ use super::revisit::{Revisited, without_needless};
 use super::state::{Accepted, Event, Memory, State};
 use super::trial::tried;
 use crate::adjust::blocks::is_depth_only;
-use crate::calibrate::{CalibrateError, Calibrated};
+use crate::calibrate::{CalibrateError, CalibratedCamera};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::decision::Decision;
 use crate::diagnose::discovery::{Chance, Component, Search, effects_of_board};
@@ -169,7 +169,7 @@ fn explained(
     }
     let share = |effect: &AddedEffect| merit(&effect.evidence) / examination.cost();
     let largest_share = model.added[earlier..].iter().map(share).fold(state.memory.largest_share, f64::max);
-    let outcome = Some(RoundOutcome::Added { effects, removed });
+    let outcome = Some(RoundOutcome::Explained { effects, removed });
     Ok(Some(Box::new(Accepted { model, present, largest_share, outcome })))
 }
 
@@ -182,7 +182,7 @@ fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(Model, Vec<f
     let mut noise = incumbent.fit.noise;
     let mut described: Option<(Model, Vec<f64>)> = None;
     for _ in 0..SEARCHES {
-        let components = bench.components(&Calibrated { noise, ..base.fit.clone() }, &taken);
+        let components = bench.components(&CalibratedCamera { noise, ..base.fit.clone() }, &taken);
         if components.is_empty() {
             break;
         }
@@ -286,7 +286,7 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
         }
     };
     // What is missing is no noise.
-    let reduced = Fitted { fit: Calibrated { noise: fitted.fit.noise, ..reduced.fit }, ..reduced };
+    let reduced = Fitted { fit: CalibratedCamera { noise: fitted.fit.noise, ..reduced.fit }, ..reduced };
     bench.report("explaining a function of what is left", &without.options(bench.declared()));
     let examination = bench.examine(&reduced.fit)?;
     let function = model.formulas.iter().find(|f| f.effect.name() == model.added[place].evidence.name);
@@ -379,7 +379,7 @@ mod tests {
         let accepted = together(&bench, &state).unwrap();
         assert_eq!(names(&accepted), FUNCTIONS.to_vec());
         assert_eq!(accepted.model.formulas.len(), 2);
-        assert!(matches!(accepted.outcome, Some(RoundOutcome::Added { ref effects, .. }) if effects.len() == 2));
+        assert!(matches!(accepted.outcome, Some(RoundOutcome::Explained { ref effects, .. }) if effects.len() == 2));
     }
 
     #[test]

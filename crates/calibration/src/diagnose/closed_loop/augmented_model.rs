@@ -4,7 +4,7 @@ use depthcal_model::{PieceSpec, Register};
 use tracing::info;
 
 use crate::adjust::blocks::is_depth_only;
-use crate::calibrate::{CalibrateOptions, Calibrated};
+use crate::calibrate::{CalibratedCamera, CameraOptions};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::discovery::Discovery;
 use crate::diagnose::merit::merit;
@@ -21,7 +21,7 @@ pub(super) struct AugmentedModel {
 
 impl AugmentedModel {
     /// The declared register with the formulas that were found.
-    pub fn register(&self, declared: &CalibrateOptions) -> Register {
+    pub fn register(&self, declared: &CameraOptions) -> Register {
         let mut register = declared.register.clone();
         for formula in &self.formulas {
             // Their names are free: the search chose them so.
@@ -33,14 +33,14 @@ impl AugmentedModel {
     }
 
     /// Options of a fit: those of the declared model, with the added effects.
-    pub fn options(&self, declared: &CalibrateOptions) -> CalibrateOptions {
-        let mut options = CalibrateOptions { register: self.register(declared), ..declared.clone() };
+    pub fn options(&self, declared: &CameraOptions) -> CameraOptions {
+        let mut options = CameraOptions { register: self.register(declared), ..declared.clone() };
         options.effects.extend(self.added.iter().map(|effect| effect.evidence.spec.clone()));
         options
     }
 
     /// Names that no further piece may have: those of its fit, and of its formulas.
-    pub fn names(&self, fit: &Calibrated) -> Vec<String> {
+    pub fn names(&self, fit: &CalibratedCamera) -> Vec<String> {
         let formulas = self.formulas.iter().map(|formula| formula.effect.name().to_owned());
         fit.camera.blocks().iter().map(|block| block.name().to_owned()).chain(formulas).collect()
     }

@@ -5,18 +5,18 @@ use depthcal_model::{Covariate, PieceSpec, Register};
 use depthcal_solver::score::ScoreError;
 
 use super::augmented_model::AugmentedModel;
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated};
+use crate::calibrate::{CalibrateError, CalibratedCamera, CameraOptions};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::discovery::{Chance, Component, Search};
 use crate::diagnose::examination::{EffectTest, Examination};
 use crate::diagnose::held_out::{Gain, HeldOut, gain};
-use crate::diagnose::options::DiagnoseOptions;
+use crate::diagnose::options::CameraDiagnoseOptions;
 use crate::diagnose::thresholds::Thresholds;
 
 /// A fit and its errors on frames that it did not see.
 #[derive(Clone)]
 pub(super) struct Fitted {
-    pub fit: Calibrated,
+    pub fit: CalibratedCamera,
     pub held_out: HeldOut,
 }
 
@@ -36,24 +36,24 @@ impl Fitted {
 /// Fits and judges models, on frames that it knows.
 pub(super) trait Bench {
     /// Declared model, folds and thresholds.
-    fn options(&self) -> &DiagnoseOptions;
+    fn options(&self) -> &CameraDiagnoseOptions;
 
     /// Reports to the progress what is being done, and with which model.
-    fn report(&self, what: &str, model: &CalibrateOptions);
+    fn report(&self, what: &str, model: &CameraOptions);
 
     /// Fits a model to the frames.
     ///
     /// # Errors
     ///
     /// [`CalibrateError`] where it cannot be fitted.
-    fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError>;
+    fn fit(&self, model: &CameraOptions) -> Result<CalibratedCamera, CalibrateError>;
 
     /// Held-out errors of a model: those of its fit on the dataset that verifies, or by cross-validation on the frames.
     ///
     /// # Errors
     ///
     /// [`CalibrateError`] where no fold can be fitted.
-    fn held_out(&self, fit: &Calibrated, model: &CalibrateOptions) -> Result<HeldOut, CalibrateError>;
+    fn held_out(&self, fit: &CalibratedCamera, model: &CameraOptions) -> Result<HeldOut, CalibrateError>;
 
     /// Fits a model, refines constants, places and forms of all added effects, and fits again. The model is returned as refined.
     ///
@@ -67,19 +67,25 @@ pub(super) trait Bench {
     /// # Errors
     ///
     /// [`ScoreError`] where the problem cannot be evaluated.
-    fn examine(&self, fit: &Calibrated) -> Result<Examination, ScoreError>;
+    fn examine(&self, fit: &CalibratedCamera) -> Result<Examination, ScoreError>;
 
     /// Tests one effect that a fit lacks; `None` where the problem cannot be evaluated.
-    fn test(&self, fit: &Calibrated, register: &Register, effect: &PieceSpec) -> Option<EffectTest>;
+    fn test(&self, fit: &CalibratedCamera, register: &Register, effect: &PieceSpec) -> Option<EffectTest>;
 
     /// Searches a formula for what a fit leaves, with none of the names `taken`.
-    fn discover(&self, fit: &Calibrated, chance: Chance<'_>, examination: &Examination, taken: &[String]) -> Search;
+    fn discover(
+        &self,
+        fit: &CalibratedCamera,
+        chance: Chance<'_>,
+        examination: &Examination,
+        taken: &[String],
+    ) -> Search;
 
     /// The functions that what a fit leaves depends on, each certain given all others, with none of the names `taken`.
-    fn components(&self, fit: &Calibrated, taken: &[String]) -> Vec<Component>;
+    fn components(&self, fit: &CalibratedCamera, taken: &[String]) -> Vec<Component>;
 
     /// Options of the declared model.
-    fn declared(&self) -> &CalibrateOptions {
+    fn declared(&self) -> &CameraOptions {
         &self.options().calibrate
     }
 
@@ -93,7 +99,7 @@ pub(super) trait Bench {
     /// # Errors
     ///
     /// [`CalibrateError`] of either.
-    fn fitted(&self, model: &CalibrateOptions) -> Result<Fitted, CalibrateError> {
+    fn fitted(&self, model: &CameraOptions) -> Result<Fitted, CalibrateError> {
         let fit = self.fit(model)?;
         Ok(Fitted { held_out: self.held_out(&fit, model)?, fit })
     }

@@ -6,7 +6,7 @@ use super::bench::{Bench, Fitted};
 use super::fitter::Fitter;
 use super::state::State;
 use crate::calibrate::with_frame_scatter;
-use crate::diagnose::diagnosis::Diagnosis;
+use crate::diagnose::diagnosis::CameraDiagnosis;
 use crate::diagnose::discovery::{Discovery, components, searched};
 use crate::diagnose::error::DiagnoseError;
 use crate::diagnose::examination::Examination;
@@ -26,7 +26,7 @@ pub(super) fn conclude(
     fitter: &Fitter<'_>,
     state: State,
     examination: Examination,
-) -> Result<Diagnosis, DiagnoseError> {
+) -> Result<CameraDiagnosis, DiagnoseError> {
     let State { frames, model, present, first, memory, findings, rounds } = state;
     let bench = fitter.on(&frames.used, rounds.len());
     let (declared, thresholds) = (bench.declared(), bench.thresholds());
@@ -51,7 +51,7 @@ pub(super) fn conclude(
         capture_next.extend(step.take(1).flat_map(rivals));
     }
     capture_next.extend(missing_covariates(&fit, &declared.register, thresholds));
-    Ok(Diagnosis {
+    Ok(CameraDiagnosis {
         verdict: verdict(&left_over, &formulas, &steps),
         possible: findings.possible.into_iter().filter(|p| fit.camera.block(&p.spec.name).is_none()).collect(),
         steps,

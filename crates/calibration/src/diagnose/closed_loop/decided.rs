@@ -3,13 +3,13 @@
 use depthcal_solver::score::ScoreError;
 
 use super::state::Memory;
-use crate::calibrate::{CalibrateOptions, Calibrated};
+use crate::calibrate::{CalibratedCamera, CameraOptions};
 use crate::diagnose::decision::{Decision, RuledOut, decide};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::examination::Examination;
 use crate::diagnose::frame_planes::{FramePlane, frame_planes};
 use crate::diagnose::lens_in_image::shows_in_images;
-use crate::diagnose::options::DiagnoseOptions;
+use crate::diagnose::options::CameraDiagnoseOptions;
 use crate::diagnose::own_function::share_of_own_function;
 use crate::diagnose::round::{Refutation, Refuted};
 use crate::diagnose::thresholds::Thresholds;
@@ -27,12 +27,12 @@ pub(super) struct Decided {
 ///
 /// [`ScoreError`] where a refutation cannot be evaluated.
 pub(super) fn decided(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     examination: &Examination,
     memory: &Memory,
-    options: &DiagnoseOptions,
+    options: &CameraDiagnoseOptions,
 ) -> Result<Decided, ScoreError> {
-    let DiagnoseOptions { calibrate: CalibrateOptions { register, .. }, thresholds, .. } = options;
+    let CameraDiagnoseOptions { calibrate: CameraOptions { register, .. }, thresholds, .. } = options;
     let refutation = |effect: &Evidence, others: &[&Evidence], leaves_unexplained: bool| {
         if leaves_unexplained && !shows_in_images(fit, register, effect, others, thresholds)? {
             return Ok(Some(Refutation::NotInImages));

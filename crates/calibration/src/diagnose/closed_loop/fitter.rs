@@ -10,17 +10,17 @@ use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::refinement::refined;
 use crate::calibrate::{
-    CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, image_blocks,
+    CalibrateError, CalibratedCamera, CameraOptions, calibrate_keeping_samples, has_fields, image_blocks,
     light_of_samples, readjust, sampled_under,
 };
 use crate::diagnose::discovery::{self, Chance, Component, Search, additive_components};
 use crate::diagnose::examination::{EffectTest, Examination, examine, test_effect};
 use crate::diagnose::held_out::HeldOut;
-use crate::diagnose::options::DiagnoseOptions;
+use crate::diagnose::options::CameraDiagnoseOptions;
+use crate::judge::camera::evaluate_camera;
 use crate::judge::cross_validation::{cross_validate_thinned, errors};
-use crate::judge::evaluate::evaluate;
 use crate::judge::parts::Parts;
-use crate::observe::{Capture, SampledFrame};
+use crate::observe::{CameraFrames, SampledFrame};
 use crate::progress::Job;
 
 /// Most board pixels of a frame, about, on which models are judged with frames left out singly …
@@ -32,11 +32,11 @@ const JUDGED_PIXELS_OF_BLOCKS: usize = 2000;
 /// samples, so that the results depend on the order of fits.
 pub(super) struct Fitter<'a> {
     /// All frames that may be fitted.
-    pub whole: Capture,
+    pub whole: CameraFrames,
     /// Another dataset that verifies the model; without it held-out errors come from cross-validation.
-    verify: Option<&'a Capture>,
+    verify: Option<&'a CameraFrames>,
     /// Declared model, folds and thresholds.
-    options: &'a DiagnoseOptions,
+    options: &'a CameraDiagnoseOptions,
     job: Box<dyn Job>,
     /// One for every set of effects in the images, and of frequencies of the light.
     bases: RefCell<Vec<Basis>>,
@@ -44,13 +44,13 @@ pub(super) struct Fitter<'a> {
 
 impl<'a> Fitter<'a> {
     /// A fitter that has fitted nothing yet.
-    pub fn new(whole: Capture, verify: Option<&'a Capture>, options: &'a DiagnoseOptions) -> Self {
+    pub fn new(whole: CameraFrames, verify: Option<&'a CameraFrames>, options: &'a CameraDiagnoseOptions) -> Self {
         let job = options.calibrate.progress.open_ended("diagnosing");
         Self { whole, verify, options, job, bases: RefCell::default() }
     }
 
     /// Fits to some of the frames, in a round of the loop; 0 is before the first.
-    pub fn on<'s>(&'s self, frames: &'s Capture, round: usize) -> OnFrames<'s> {
+    pub fn on<'s>(&'s self, frames: &'s CameraFrames, round: usize) -> OnFrames<'s> {
         OnFrames { fitter: self, frames, round }
     }
 }
@@ -59,16 +59,16 @@ impl<'a> Fitter<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct OnFrames<'s> {
     fitter: &'s Fitter<'s>,
-    frames: &'s Capture,
+    frames: &'s CameraFrames,
     round: usize,
 }
 
 /// The start of fits.
 struct Basis {
     /// All frames that a fit has used, with their depth samples, before any were left out as outliers of a model.
-    samples: Capture<SampledFrame>,
+    samples: CameraFrames<SampledFrame>,
     /// The last fit.
-    last: Calibrated,
+    last: CalibratedCamera,
     /// Modulation frequencies for which the samples have the light of their frames.
     light: Option<Modulation>,
     /// Names of the effects of its model that images show. What images alone decide, above all the order of the lens, is decided
@@ -78,7 +78,7 @@ struct Basis {
 
 impl Basis {
     /// The samples of the frames of a capture; `None` where it has frames that were never sampled.
-    fn samples_of(&self, capture: &Capture) -> Option<Capture<SampledFrame>> {
+    fn samples_of(&self, capture: &CameraFrames) -> Option<CameraFrames<SampledFrame>> {
         let (frames, dropped) = (&self.samples.frames, &self.samples.dropped);
         let known = |name: &str| frames.iter().any(|f| f.name == name) || dropped.iter().any(|d| d.name == name);
         let wanted = |name: &str| capture.frames.iter().any(|f| f.name == name);
@@ -88,18 +88,18 @@ impl Basis {
 
 impl OnFrames<'_> {
     /// The frames that verify, sampled under the camera of a fit; `None` where there are none, or none that show depth.
-    fn verify_under(&self, fit: &Calibrated) -> Option<Calibrated> {
+    fn verify_under(&self, fit: &CalibratedCamera) -> Option<CalibratedCamera> {
         let sampled = sampled_under(fit, self.fitter.verify?, self.declared());
         sampled.inspect_err(|error| info!("frames that verify cannot be sampled: {error}")).ok()
     }
 }
 
 impl Bench for OnFrames<'_> {
-    fn options(&self) -> &DiagnoseOptions {
+    fn options(&self) -> &CameraDiagnoseOptions {
         self.fitter.options
     }
 
-    fn report(&self, what: &str, model: &CalibrateOptions) {
+    fn report(&self, what: &str, model: &CameraOptions) {
         let added = model.effects.get(self.declared().effects.len()..).unwrap_or_default();
         let words: Vec<String> = added.iter().map(|spec| model.register.words(spec)).collect();
         let model = if words.is_empty() { "the declared model".to_owned() } else { words.join(" + ") };
@@ -111,7 +111,7 @@ impl Bench for OnFrames<'_> {
 
     /// The first fit with some effects in the images decides the order of the lens and the gross markers, and samples the depth;
     /// later ones with the same effects in the images start from the one before, with the same samples.
-    fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
+    fn fit(&self, model: &CameraOptions) -> Result<CalibratedCamera, CalibrateError> {
         self.report("fitting", model);
         let mut bases = self.fitter.bases.borrow_mut();
         let light = light_of_samples(model)?;
@@ -138,11 +138,11 @@ impl Bench for OnFrames<'_> {
         Ok(fit)
     }
 
-    fn held_out(&self, fit: &Calibrated, model: &CalibrateOptions) -> Result<HeldOut, CalibrateError> {
+    fn held_out(&self, fit: &CalibratedCamera, model: &CameraOptions) -> Result<HeldOut, CalibrateError> {
         self.report("judging on held-out frames", model);
         let folds = self.options().folds.min(fit.capture.frames.len());
         let (evaluated, blocks) = match self.fitter.verify {
-            Some(verify) => (evaluate(&fit.camera, verify), None),
+            Some(verify) => (evaluate_camera(&fit.camera, verify), None),
             None => {
                 // Models with fields are fitted anew without each part: once has to do.
                 let blocks = match has_fields(model)? {
@@ -159,19 +159,25 @@ impl Bench for OnFrames<'_> {
         refined(self, model)
     }
 
-    fn examine(&self, fit: &Calibrated) -> Result<Examination, ScoreError> {
+    fn examine(&self, fit: &CalibratedCamera) -> Result<Examination, ScoreError> {
         examine(fit, &self.declared().register, self.thresholds())
     }
 
-    fn test(&self, fit: &Calibrated, register: &Register, effect: &PieceSpec) -> Option<EffectTest> {
+    fn test(&self, fit: &CalibratedCamera, register: &Register, effect: &PieceSpec) -> Option<EffectTest> {
         test_effect(fit, register, effect)
     }
 
-    fn components(&self, fit: &Calibrated, taken: &[String]) -> Vec<Component> {
+    fn components(&self, fit: &CalibratedCamera, taken: &[String]) -> Vec<Component> {
         additive_components(fit, &self.declared().register, taken)
     }
 
-    fn discover(&self, fit: &Calibrated, chance: Chance<'_>, examination: &Examination, taken: &[String]) -> Search {
+    fn discover(
+        &self,
+        fit: &CalibratedCamera,
+        chance: Chance<'_>,
+        examination: &Examination,
+        taken: &[String],
+    ) -> Search {
         let verify = self.verify_under(fit);
         discovery::search(fit, chance, verify.as_ref(), examination, taken, self.thresholds())
     }
@@ -182,7 +188,7 @@ mod tests {
     use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 
     use super::*;
-    use crate::calibrate::calibrate;
+    use crate::calibrate::calibrate_camera;
     use crate::simulated;
 
     /// A bent board hides terms of the lens, which a model with the bend has again; and the declared model is what it was.
@@ -191,15 +197,15 @@ mod tests {
         let bow = Effect::new("board_bow", 2.5).unwrap();
         let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[bow], 3).frames(24);
         let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
-        let options = DiagnoseOptions::default();
+        let options = CameraDiagnoseOptions::default();
         let mut with_bow = options.calibrate.clone();
         with_bow.effects.push(PieceSpec::new("board_bow"));
         let fitter = Fitter::new(capture.clone(), None, &options);
         let bench = fitter.on(&capture, 1);
-        let lens = |fit: &Calibrated| fit.camera.block("brown_conrady").map(|block| block.free.clone());
+        let lens = |fit: &CalibratedCamera| fit.camera.block("brown_conrady").map(|block| block.free.clone());
         let mut orders = Vec::new();
         for model in [&options.calibrate, &with_bow, &options.calibrate, &with_bow] {
-            let (fit, expected) = (bench.fit(model).unwrap(), calibrate(&capture, model).unwrap());
+            let (fit, expected) = (bench.fit(model).unwrap(), calibrate_camera(&capture, model).unwrap());
             assert_eq!(lens(&fit), lens(&expected));
             let [rms, expected_rms] = [&fit, &expected].map(|fit| fit.depth_rms_mm.unwrap());
             assert!((rms / expected_rms - 1.0).abs() < 0.01, "{rms} {expected_rms}");

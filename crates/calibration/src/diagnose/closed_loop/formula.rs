@@ -8,7 +8,7 @@ use super::bench::{Bench, Fitted};
 use super::revisit::{Revisited, without_needless};
 use super::state::{Accepted, Event, State};
 use super::trial::{Trial, trial};
-use crate::calibrate::{CalibrateError, Calibrated};
+use crate::calibrate::{CalibrateError, CalibratedCamera};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::discovery::{Chance, Discovery, Refused, Search};
 use crate::diagnose::error::DiagnoseError;
@@ -128,7 +128,7 @@ pub(super) fn with_formula(
 /// evaluated.
 pub(super) fn evidence_of(
     bench: &impl Bench,
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     spec: PieceSpec,
 ) -> Option<Evidence> {
@@ -162,7 +162,7 @@ pub(super) fn formula_instead(bench: &impl Bench, state: &State) -> Result<Optio
     let State { first, present, .. } = state;
     bench.report("searching a formula instead", bench.declared());
     // With the noise that the effects leave: under the declared model what it lacks counts as noise, most where noise is least.
-    let fit = &Calibrated { noise: present.fit.noise, ..first.fit.clone() };
+    let fit = &CalibratedCamera { noise: present.fit.noise, ..first.fit.clone() };
     let examination = bench.examine(fit)?;
     let chance = Chance::Complete(&present.fit);
     let instead = match bench.discover(fit, chance, &examination, &AugmentedModel::default().names(fit)) {

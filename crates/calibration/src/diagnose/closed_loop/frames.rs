@@ -6,16 +6,16 @@ use tracing::info;
 use super::augmented_model::AugmentedModel;
 use super::bench::Bench;
 use super::fitter::Fitter;
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate, sampled_under};
+use crate::calibrate::{CalibrateError, CalibratedCamera, CameraOptions, calibrate_camera, sampled_under};
 use crate::diagnose::bad_frames::{BadFrame, BadFrameReason, explain};
 use crate::diagnose::frame_planes::{FramePlane, frame_planes, outlying};
-use crate::observe::{Capture, DetectedFrame};
+use crate::observe::{CameraFrames, DetectedFrame};
 
 /// The frames of a capture that are fitted, and those that are excluded.
 #[derive(Clone)]
 pub(super) struct Frames {
     /// The capture without the excluded frames.
-    pub used: Capture,
+    pub used: CameraFrames,
     /// Frames that are excluded, and why.
     pub bad: Vec<BadFrame>,
 }
@@ -29,7 +29,7 @@ impl Frames {
     }
 
     /// The frames without those that a fit dropped because their depth is another frame's.
-    fn without_foreign(self, fit: &Calibrated) -> Self {
+    fn without_foreign(self, fit: &CalibratedCamera) -> Self {
         self.without(fit.foreign_depth.iter().map(|foreign| {
             let reason = BadFrameReason::Moved { offset_mm: foreign.rms_mm, rms_mm: foreign.rms_mm };
             BadFrame { name: foreign.name.clone(), reason }
@@ -37,7 +37,7 @@ impl Frames {
     }
 }
 
-fn without(capture: &Capture, bad: &[BadFrame]) -> Capture {
+fn without(capture: &CameraFrames, bad: &[BadFrame]) -> CameraFrames {
     capture.subset(|_, f| bad.iter().all(|b| b.name != f.name))
 }
 
@@ -52,7 +52,7 @@ fn rigid_model() -> ModelSpec {
 /// # Errors
 ///
 /// [`CalibrateError`] where the declared model cannot be fitted.
-pub(super) fn fit_declared(fitter: &Fitter<'_>, frames: Frames) -> Result<(Frames, Calibrated), CalibrateError> {
+pub(super) fn fit_declared(fitter: &Fitter<'_>, frames: Frames) -> Result<(Frames, CalibratedCamera), CalibrateError> {
     let bench = fitter.on(&frames.used, 0);
     let (declared, thresholds) = (bench.declared(), bench.thresholds());
     let error = match bench.fit(declared) {
@@ -60,7 +60,7 @@ pub(super) fn fit_declared(fitter: &Fitter<'_>, frames: Frames) -> Result<(Frame
         Err(error) => return Err(error),
         Ok(fit) => return Ok((frames.clone().without_foreign(&fit), fit)),
     };
-    let rigid = CalibrateOptions { model: rigid_model(), effects: Vec::new(), ..declared.clone() };
+    let rigid = CameraOptions { model: rigid_model(), effects: Vec::new(), ..declared.clone() };
     let Ok(fit) = bench.fit(&rigid) else { return Err(error) };
     let planes = frame_planes(&fit);
     let bad = outlying(&planes, thresholds.gross_plane_mm, thresholds);
@@ -83,10 +83,10 @@ pub(super) fn without_outlying(
     fitter: &Fitter<'_>,
     round: usize,
     model: &AugmentedModel,
-    (frames, fit): (&Frames, &Calibrated),
+    (frames, fit): (&Frames, &CalibratedCamera),
     least_mm: f64,
-) -> Result<Option<(Frames, Calibrated)>, CalibrateError> {
-    let mut changed: Option<(Frames, Calibrated)> = None;
+) -> Result<Option<(Frames, CalibratedCamera)>, CalibrateError> {
+    let mut changed: Option<(Frames, CalibratedCamera)> = None;
     let bench = fitter.on(&frames.used, round);
     let (options, thresholds) = (model.options(bench.declared()), bench.thresholds());
     for _ in 0..thresholds.most_exclusion_rounds {
@@ -105,7 +105,7 @@ pub(super) fn without_outlying(
 }
 
 /// Explains the frames that are excluded for their depth again, all together, under a fit in which none of them takes part.
-pub(super) fn explained_again(fitter: &Fitter<'_>, fit: &Calibrated, mut frames: Frames) -> Frames {
+pub(super) fn explained_again(fitter: &Fitter<'_>, fit: &CalibratedCamera, mut frames: Frames) -> Frames {
     let is_for_depth =
         |b: &BadFrame| matches!(b.reason, BadFrameReason::Moved { .. } | BadFrameReason::DepthExchanged { .. });
     let excluded = fitter.whole.subset(|_, f| frames.bad.iter().any(|b| b.name == f.name && is_for_depth(b)));
@@ -141,8 +141,8 @@ pub(super) fn readmitted(
     if !whole.frames.iter().any(is_excluded) {
         return Ok(None);
     }
-    let all = Capture { dropped: frames.used.dropped.clone(), ..whole.clone() };
-    let planes = frame_planes(&calibrate(&all, &model.options(bench.declared()))?);
+    let all = CameraFrames { dropped: frames.used.dropped.clone(), ..whole.clone() };
+    let planes = frame_planes(&calibrate_camera(&all, &model.options(bench.declared()))?);
     let still = outlying(&planes, 0.0, bench.thresholds());
     let fits = |b: &&BadFrame| {
         planes.iter().any(|p| p.name == b.name && p.p_value.is_finite()) && !still.iter().any(|p| p.name == b.name)
@@ -159,7 +159,7 @@ mod tests {
     use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 
     use super::*;
-    use crate::diagnose::options::DiagnoseOptions;
+    use crate::diagnose::options::CameraDiagnoseOptions;
     use crate::observe::MeasuredDepth;
     use crate::simulated;
 
@@ -180,10 +180,10 @@ mod tests {
                 capture.frames[i].depth = std::mem::replace(&mut capture.frames[last - i].depth, near);
             }
             let exchanged = [0, 1, last - 1, last].map(|i| capture.frames[i].name.clone());
-            let options = DiagnoseOptions::default();
+            let options = CameraDiagnoseOptions::default();
             // Least squares of all frames fold in some of these captures.
             assert!(
-                calibrate(&capture, &options.calibrate).is_ok_and(|fit| !fit.foreign_depth.is_empty()),
+                calibrate_camera(&capture, &options.calibrate).is_ok_and(|fit| !fit.foreign_depth.is_empty()),
                 "seed {seed}"
             );
             let fitter = Fitter::new(capture.clone(), None, &options);

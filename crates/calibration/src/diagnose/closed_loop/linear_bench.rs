@@ -20,17 +20,17 @@ use super::frames::Frames;
 use super::state::State;
 use super::trial::fitted_with;
 use crate::adjust::smoothness_prior::Smoothness;
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator};
+use crate::calibrate::{CalibrateError, CalibratedCamera, CameraOptions, Estimator};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::discovery::{Chance, Component, Discovery, Refused, Search};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::examination::{EffectTest, Examination};
 use crate::diagnose::held_out::HeldOut;
 use crate::diagnose::linear_examination::{Planted, examined};
-use crate::diagnose::options::DiagnoseOptions;
+use crate::diagnose::options::CameraDiagnoseOptions;
+use crate::judge::camera::{EvaluatedCamera, EvaluatedFrame};
 use crate::judge::cross_validation::errors;
-use crate::judge::evaluate::{Evaluated, EvaluatedFrame};
-use crate::observe::Capture;
+use crate::observe::CameraFrames;
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
 
 const FRAMES: usize = 30;
@@ -55,7 +55,7 @@ pub(super) fn sum(parts: &[(f64, &[f64])]) -> Vec<f64> {
 
 /// Fits constant and effects to rows by least squares. Effects have names of the register, but any regressors.
 pub(super) struct LinearBench {
-    pub options: DiagnoseOptions,
+    pub options: CameraDiagnoseOptions,
     /// Regressors by the effects' names.
     regressors: BTreeMap<&'static str, Vec<f64>>,
     y: Vec<f64>,
@@ -76,7 +76,7 @@ impl LinearBench {
         let mut parts: Vec<(f64, &[f64])> = effects.iter().map(|(_, size, values)| (*size, &values[..])).collect();
         parts.push((1.0, &noise));
         Self {
-            options: DiagnoseOptions::default(),
+            options: CameraDiagnoseOptions::default(),
             y: sum(&parts),
             regressors: effects.iter().map(|(name, _, values)| (*name, values.clone())).collect(),
             unfittable: Vec::new(),
@@ -145,20 +145,20 @@ impl LinearBench {
         (0..target.len()).map(|row| target[row] - fitted(row)).collect()
     }
 
-    fn effects_of(&self, fit: &Calibrated) -> Vec<String> {
+    fn effects_of(&self, fit: &CalibratedCamera) -> Vec<String> {
         let names = fit.camera.blocks().iter().map(|block| block.name().to_owned());
         names.filter(|name| self.regressors.contains_key(name.as_str())).collect()
     }
 }
 
 impl Bench for LinearBench {
-    fn options(&self) -> &DiagnoseOptions {
+    fn options(&self) -> &CameraDiagnoseOptions {
         &self.options
     }
 
-    fn report(&self, _: &str, _: &CalibrateOptions) {}
+    fn report(&self, _: &str, _: &CameraOptions) {}
 
-    fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
+    fn fit(&self, model: &CameraOptions) -> Result<CalibratedCamera, CalibrateError> {
         let effects: Vec<String> = model.effects.iter().map(|spec| spec.name.clone()).collect();
         self.fits.borrow_mut().push(effects.clone());
         let unfitted = || CalibrateError::NotConverged { reason: "the problem is singular".to_owned() };
@@ -181,7 +181,7 @@ impl Bench for LinearBench {
             }
         }
         let residuals = self.residuals(&self.y, &effects, &theta);
-        Ok(Calibrated {
+        Ok(CalibratedCamera {
             camera,
             capture: no_frames(),
             foreign_depth: Vec::new(),
@@ -209,7 +209,7 @@ impl Bench for LinearBench {
         })
     }
 
-    fn held_out(&self, _: &Calibrated, model: &CalibrateOptions) -> Result<HeldOut, CalibrateError> {
+    fn held_out(&self, _: &CalibratedCamera, model: &CameraOptions) -> Result<HeldOut, CalibrateError> {
         let effects: Vec<String> = model.effects.iter().map(|spec| spec.name.clone()).collect();
         let folds: Vec<Vec<f64>> = (0..FOLDS)
             .map(|fold| {
@@ -219,7 +219,7 @@ impl Bench for LinearBench {
             .collect();
         let residuals = |frame: usize| &folds[frame % FOLDS][frame * ROWS..][..ROWS];
         let frames = (0..FRAMES).map(|frame| EvaluatedFrame::of_depth_errors(frame.to_string(), residuals(frame)));
-        let evaluated = Evaluated { name: String::new(), frames: frames.collect(), dropped: Vec::new() };
+        let evaluated = EvaluatedCamera { name: String::new(), frames: frames.collect(), dropped: Vec::new() };
         Ok(HeldOut { errors: errors(&evaluated), evaluated: evaluated.into(), blocks: None })
     }
 
@@ -229,11 +229,11 @@ impl Bench for LinearBench {
     }
 
     /// Of another problem, in which nothing is missing.
-    fn examine(&self, _: &Calibrated) -> Result<Examination, ScoreError> {
+    fn examine(&self, _: &CalibratedCamera) -> Result<Examination, ScoreError> {
         Ok(examined(Planted::default(), 1))
     }
 
-    fn test(&self, fit: &Calibrated, _: &Register, effect: &PieceSpec) -> Option<EffectTest> {
+    fn test(&self, fit: &CalibratedCamera, _: &Register, effect: &PieceSpec) -> Option<EffectTest> {
         let present = self.effects_of(fit);
         let left = |target: &[f64]| {
             let (theta, _) = self.least_squares(target, &present, |_| true)?;
@@ -264,12 +264,12 @@ impl Bench for LinearBench {
         Some(EffectTest { score, gains: (0..FRAMES).map(gain).collect(), cost: fit.cost })
     }
 
-    fn components(&self, _: &Calibrated, taken: &[String]) -> Vec<Component> {
+    fn components(&self, _: &CalibratedCamera, taken: &[String]) -> Vec<Component> {
         let free = self.functions.iter().filter(|name| !taken.contains(&(**name).to_owned()));
         free.map(|name| Component { share: 0.5, description: formula(name) }).collect()
     }
 
-    fn discover(&self, _: &Calibrated, _: Chance<'_>, _: &Examination, _: &[String]) -> Search {
+    fn discover(&self, _: &CalibratedCamera, _: Chance<'_>, _: &Examination, _: &[String]) -> Search {
         match self.finds_formula {
             true => Search::Found(Box::new(formula(FORMULA))),
             false => Search::Nothing(Refused { reason: "no term".to_owned(), together: None }),
@@ -277,9 +277,9 @@ impl Bench for LinearBench {
     }
 }
 
-fn no_frames<F>() -> Capture<F> {
+fn no_frames<F>() -> CameraFrames<F> {
     let pattern = Pattern::AsymmetricCircles { circle_diameter_mm: 11.5 };
-    Capture {
+    CameraFrames {
         name: "rows".to_owned(),
         target: Target { pattern, columns: 4, rows: 11, spacing_mm: 17.0 },
         width: 640,

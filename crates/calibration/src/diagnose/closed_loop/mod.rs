@@ -48,12 +48,12 @@ use self::trial::tried;
 use self::unexplained::{negligible, unexplained};
 use super::bad_frames::without_duplicates;
 use super::decision::Decision;
-use super::diagnosis::Diagnosis;
+use super::diagnosis::CameraDiagnosis;
 use super::error::DiagnoseError;
 use super::examination::Examination;
-use super::options::DiagnoseOptions;
+use super::options::CameraDiagnoseOptions;
 use super::round::Round;
-use crate::observe::Capture;
+use crate::observe::CameraFrames;
 
 /// Diagnoses a capture: which effects does the declared model lack? Errors are those on `verify` where it is given, else on
 /// frames that cross-validation holds out.
@@ -61,11 +61,11 @@ use crate::observe::Capture;
 /// # Errors
 ///
 /// [`DiagnoseError`] where there is no depth, or where a model cannot be fitted or examined.
-pub fn diagnose(
-    capture: &Capture,
-    verify: Option<&Capture>,
-    options: &DiagnoseOptions,
-) -> Result<Diagnosis, DiagnoseError> {
+pub fn diagnose_camera(
+    capture: &CameraFrames,
+    verify: Option<&CameraFrames>,
+    options: &CameraDiagnoseOptions,
+) -> Result<CameraDiagnosis, DiagnoseError> {
     if !capture.has_depth() {
         return Err(DiagnoseError::NoDepth { dataset: capture.name.clone() });
     }
@@ -130,14 +130,14 @@ impl ClosedLoop<'_> {
 
     /// A round: a decision on the residuals, and what comes of it.
     fn round(&mut self, examination: &Examination) -> Result<Next, DiagnoseError> {
-        // Functions first, names second; later rounds have what the first names leave.
-        if self.state.rounds.is_empty() && self.together(examination)? == Next::Examine {
-            return Ok(Next::Examine);
-        }
         let State { present, memory, .. } = &self.state;
         let Decided { decision, refuted } =
             decided::decided(&present.fit, examination, memory, self.bench().options())?;
         self.state.apply(Event::Decided(Box::new(Round::new(examination, decision.clone(), refuted))));
+        // Functions first, names second; later rounds have what the first names leave.
+        if self.state.rounds.len() == 1 && self.together(examination)? == Next::Examine {
+            return Ok(Next::Examine);
+        }
         match &decision {
             Decision::Nothing if self.together(examination)? == Next::Examine => Ok(Next::Examine),
             Decision::Nothing => Ok(self.state.apply(Event::Stopped(None))),

@@ -5,7 +5,7 @@ use tracing::info;
 
 use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
-use crate::calibrate::{CalibrateError, Calibrated};
+use crate::calibrate::{CalibrateError, CalibratedCamera};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::modulation_search::promising_modulations;
 use crate::diagnose::variant_search::{Refined, refined_variant};
@@ -52,8 +52,8 @@ pub(super) fn refined(
 fn with_modulation(
     bench: &impl Bench,
     mut model: AugmentedModel,
-    fit: Calibrated,
-) -> Result<(AugmentedModel, Calibrated), CalibrateError> {
+    fit: CalibratedCamera,
+) -> Result<(AugmentedModel, CalibratedCamera), CalibrateError> {
     let declared = bench.declared();
     let Some(added) = model.added.last() else { return Ok((model, fit)) };
     let specs = promising_modulations(&fit, &declared.register, &added.evidence, bench.thresholds());

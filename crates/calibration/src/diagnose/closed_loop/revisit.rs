@@ -21,7 +21,7 @@ use super::bench::{Bench, Fitted};
 use super::fitter::Fitter;
 use super::frames::{readmitted, without_outlying};
 use super::state::{Event, FramesChanged, Judged, State, TakenOut};
-use crate::calibrate::{CalibrateError, Calibrated};
+use crate::calibrate::{CalibrateError, CalibratedCamera};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::error::DiagnoseError;
 use crate::diagnose::free_map::FREE_MAP;
@@ -93,7 +93,7 @@ pub(super) fn without_needless(
 
 /// Whether the parameters of an effect alone say that it is plainly needed: half their Wald statistic, which predicts what the
 /// cost would rise by without it, is [`WALD_FACTOR`] times what is asked of a plain effect. Then no fit without it is made.
-fn is_plain_by_wald(fit: &Calibrated, effect: &AddedEffect, thresholds: &Thresholds) -> bool {
+fn is_plain_by_wald(fit: &CalibratedCamera, effect: &AddedEffect, thresholds: &Thresholds) -> bool {
     let wald = || {
         let covariance = fit.covariance.as_ref()?;
         let (block, range) = fit.camera.blocks_with_ranges().find(|(b, _)| b.name() == effect.evidence.name)?;
@@ -254,13 +254,13 @@ pub(super) fn without_hidden_lens_effects(bench: &impl Bench, state: &State) -> 
 fn hidden_lens_effects(
     bench: &impl Bench,
     model: &AugmentedModel,
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
 ) -> Result<Vec<PieceSpec>, ScoreError> {
     let mut hidden = Vec::new();
     let of_lens = model.added.iter().map(|added| &added.evidence).filter(|e| e.block.hook() == HookKind::Lens);
     for effect in of_lens {
         let camera = fit.camera.filtered(|block| block.name() != effect.name);
-        let without = Calibrated { camera, ..fit.clone() };
+        let without = CalibratedCamera { camera, ..fit.clone() };
         if !shows_in_images(&without, &bench.declared().register, effect, &[], bench.thresholds())? {
             hidden.push(effect.spec.clone());
         }
@@ -324,7 +324,7 @@ mod tests {
     use super::super::trial::fitted_with;
     use super::*;
     use crate::diagnose::examination::examine;
-    use crate::diagnose::options::DiagnoseOptions;
+    use crate::diagnose::options::CameraDiagnoseOptions;
     use crate::diagnose::step::steps;
     use crate::simulated;
 
@@ -411,7 +411,7 @@ mod tests {
         let effect = Effect::new("cyclic_depth", 4.0).unwrap();
         let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[effect], 5);
         let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
-        let options = DiagnoseOptions::default();
+        let options = CameraDiagnoseOptions::default();
         let fitter = Fitter::new(capture.clone(), None, &options);
         let bench = fitter.on(&capture, 0);
         let first = bench.fitted(bench.declared()).unwrap();

@@ -5,24 +5,24 @@ use super::bench::{Bench, Fitted};
 use super::fitter::Fitter;
 use super::frames::{Frames, explained_again, fit_declared, without_outlying};
 use super::state::State;
-use crate::calibrate::{CalibrateError, CalibrateOptions, implausible_scale};
+use crate::calibrate::{CalibrateError, CameraOptions, implausible_scale};
 use crate::diagnose::bad_frames::BadFrame;
-use crate::diagnose::options::DiagnoseOptions;
-use crate::observe::Capture;
+use crate::diagnose::options::CameraDiagnoseOptions;
+use crate::observe::CameraFrames;
 
 /// Rounds in which the smoothness of the free map is chosen: with more, smoothness and noise may settle where the map is flat and
 /// all that it should describe counts as noise.
 const FREE_MAP_ROUNDS: usize = 4;
 
 /// Options with which the loop fits the models of a capture.
-pub(super) fn options_of_fits(capture: &Capture, options: &DiagnoseOptions) -> DiagnoseOptions {
-    let calibrate = CalibrateOptions {
+pub(super) fn options_of_fits(capture: &CameraFrames, options: &CameraDiagnoseOptions) -> CameraDiagnoseOptions {
+    let calibrate = CameraOptions {
         frame_planes: false,
         smoothness_rounds: FREE_MAP_ROUNDS,
         samples_for_search: true,
         ..options.calibrate.for_board(&capture.target)
     };
-    DiagnoseOptions { calibrate, ..options.clone() }
+    CameraDiagnoseOptions { calibrate, ..options.clone() }
 }
 
 /// Fits the declared model without frames that do not belong to the others; `duplicates` are excluded already.

@@ -8,7 +8,7 @@ use depthcal_io::{
 use depthcal_model::{Of, Options};
 
 use super::observations::{Observations, Sample};
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::diagnose::observed_states::Range;
 
 /// Bins over the first covariate.
@@ -28,7 +28,7 @@ struct Point {
 }
 
 /// The components of a formula in a fit that has it. Empty where its frames cannot be evaluated or the fit has no such effect.
-pub fn components(fit: &Calibrated, effect: &FormulaEffect, of: Of) -> Vec<Component> {
+pub fn components(fit: &CalibratedCamera, effect: &FormulaEffect, of: Of) -> Vec<Component> {
     let covariates: Vec<C> = effect.covariates().to_vec();
     let (Some(block), Some(first)) = (fit.camera.block(effect.name()), covariates.first().copied()) else {
         return Vec::new();

@@ -55,7 +55,7 @@ pub use self::which_covariates::CovariateSet;
 use self::which_covariates::which_covariates;
 use super::examination::Examination;
 use super::thresholds::Thresholds;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 
 /// Outcome of a search.
 #[derive(Debug, Clone)]
@@ -84,7 +84,7 @@ pub enum Chance<'a> {
     /// explains, too.
     WithoutBest,
     /// Those of a fit of the same frames that leaves nothing unexplained.
-    Complete(&'a Calibrated),
+    Complete(&'a CalibratedCamera),
 }
 
 /// Share of a formula's gain that an effect has to explain to be said to resemble it.
@@ -106,9 +106,9 @@ const REPEATED: f64 = 10.0;
 /// without them a third of the frames is set aside. Where the others show something, but not what, the search is repeated with
 /// all frames: what it finds then nothing confirms.
 pub fn search(
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     chance: Chance<'_>,
-    verify: Option<&Calibrated>,
+    verify: Option<&CalibratedCamera>,
     examination: &Examination,
     taken: &[String],
     thresholds: &Thresholds,

@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 
 use super::*;
-use crate::calibrate::{CalibrateOptions, calibrate};
+use crate::calibrate::{CameraOptions, calibrate_camera};
 use crate::simulated;
 
 /// The rows of a capture without effects, in which every frame has a plane of its own of about so many mm.
@@ -23,8 +23,8 @@ fn observations(seed: u64, planes_mm: f64) -> Observations {
             pixel.depth_mm += a + b * (u - camera.centre_px[0]) + c * (v - camera.centre_px[1]);
         }
     }
-    let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
-    let fit = calibrate(&capture, &options).unwrap();
+    let options = CameraOptions { frame_planes: false, ..CameraOptions::default() };
+    let fit = calibrate_camera(&capture, &options).unwrap();
     Observations::of(&fit).unwrap()
 }
 

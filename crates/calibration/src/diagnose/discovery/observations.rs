@@ -11,7 +11,7 @@ use super::library::Span;
 use super::term::Term;
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::smoothness_selection::prior_of_smooth_functions;
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::diagnose::candidate_blocks::with_probes;
 use crate::diagnose::observed_states::Range;
 use crate::observe::board_plane::BoardPlane;
@@ -114,7 +114,7 @@ impl Sample {
 
 impl Observations {
     /// The rows of a fit; `None` where its frames cannot be evaluated.
-    pub fn of(fit: &Calibrated) -> Option<Self> {
+    pub fn of(fit: &CalibratedCamera) -> Option<Self> {
         Self::thinned(fit, MOST_SAMPLES)
     }
 
@@ -124,7 +124,7 @@ impl Observations {
     }
 
     /// The rows of about so many samples of a fit at most; `None` where its frames cannot be evaluated.
-    pub fn thinned(fit: &Calibrated, most_samples: usize) -> Option<Self> {
+    pub fn thinned(fit: &CalibratedCamera, most_samples: usize) -> Option<Self> {
         let (camera, probes) = with_probes(&fit.camera);
         let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, true);
         let starts: Vec<usize> = camera.parameter_ranges().map(|range| range.start).collect();

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use crate::adjust::blocks::is_depth_only;
-use crate::calibrate::CalibrateOptions;
-use crate::observe::{Capture, DetectedFrame, MarkerObservation};
+use crate::calibrate::CameraOptions;
+use crate::observe::{CameraFrames, DetectedFrame, MarkerObservation};
 use depthcal_model::{Block, Camera, Target};
 use nalgebra::{Isometry3, Point3};
 
-use crate::calibrate::rig::{CameraFit, RigCalibrated, RigOptions};
+use crate::calibrate::{CalibrateOptions, Calibrated, CameraFit};
 use crate::diagnose::DiagnoseError;
 use crate::observe::CameraCapture;
 
@@ -17,7 +17,7 @@ const FEWEST: usize = 8;
 
 /// The frames of a camera that the rig's calibration used. Those of a camera without images have markers where the rig's poses
 /// put them in its image ([`with_projected_markers`]).
-pub fn alone(capture: &CameraCapture, fit: &CameraFit, rig: &RigCalibrated) -> Capture {
+pub fn alone(capture: &CameraCapture, fit: &CameraFit, rig: &Calibrated) -> CameraFrames {
     let used = |name: &str| fit.calibrated.capture.frames.iter().any(|f| f.name == name);
     let used_frames = capture.capture.subset(|_, frame| used(&frame.name));
     if fit.has_markers() {
@@ -36,9 +36,9 @@ pub fn alone(capture: &CameraCapture, fit: &CameraFit, rig: &RigCalibrated) -> C
 /// [`DiagnoseError::Camera`] where an effect is unknown.
 pub fn examined(
     capture: &CameraCapture,
-    rig: &RigCalibrated,
-    options: &RigOptions,
-) -> Result<Option<(Capture, CalibrateOptions)>, DiagnoseError> {
+    rig: &Calibrated,
+    options: &CalibrateOptions,
+) -> Result<Option<(CameraFrames, CameraOptions)>, DiagnoseError> {
     let Some(fit) = rig.camera(&capture.name) else { return Ok(None) };
     let mut calibrate = options.of(capture)?;
     if !fit.has_markers() {
@@ -50,10 +50,10 @@ pub fn examined(
 /// A capture with markers where the board's poses in the camera, by the frames' names, put them in the image. Frames whose board
 /// lies outside the image, or that have no pose, are left out.
 pub fn with_projected_markers(
-    capture: &Capture,
+    capture: &CameraFrames,
     camera: &Camera,
     camera_from_board: &BTreeMap<&str, Isometry3<f64>>,
-) -> Capture {
+) -> CameraFrames {
     let frame = |frame: &DetectedFrame| {
         let pose = camera_from_board.get(frame.name.as_str())?;
         let markers = projected(camera, pose, &capture.target, frame.board);

@@ -7,7 +7,7 @@ use nalgebra::DVector;
 use super::left_out::{DECREASE, left_out};
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::state::State;
-use crate::calibrate::rig::RigCalibrated;
+use crate::calibrate::Calibrated;
 use crate::diagnose::DiagnoseError;
 use crate::observe::PlaceDrift;
 
@@ -45,7 +45,7 @@ pub struct DriftTest {
 /// # Errors
 ///
 /// [`DiagnoseError`] of an adjustment.
-pub fn drift_tests(rig: &RigCalibrated, folds: usize) -> Result<Vec<DriftTest>, DiagnoseError> {
+pub fn drift_tests(rig: &Calibrated, folds: usize) -> Result<Vec<DriftTest>, DiagnoseError> {
     let mut tests = Vec::new();
     for camera in 1..rig.state.cameras.len() {
         for (over, least) in [DriftOver::Time, DriftOver::Temperature].into_iter().zip(LEAST_RANGE) {

@@ -5,7 +5,7 @@
 //! the rig is linearised with every candidate held at its nominal values, so that a score is what pinhole, lens, place and poses
 //! cannot take up.
 
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::diagnose::Thresholds;
 use crate::diagnose::candidates::{Effect, finer, missing_effects};
 use crate::diagnose::observed_states::ObservedStates;
@@ -46,7 +46,7 @@ type Variant = (usize, PieceSpec, Option<f64>, Placement);
 pub(super) fn joint_search(
     state: &State,
     camera: usize,
-    fit: &Calibrated,
+    fit: &CalibratedCamera,
     register: &Register,
     thresholds: &Thresholds,
 ) -> Result<Vec<JointEvidence>, DiagnoseError> {

@@ -9,5 +9,5 @@ mod trial;
 
 pub use alone::{alone, examined, with_projected_markers};
 pub use drift_test::{DriftTest, drift_tests};
-pub use driver::{CameraDiagnosis, RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
+pub(super) use driver::diagnose_rig;
 pub use trial::EffectInRig;

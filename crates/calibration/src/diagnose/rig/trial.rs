@@ -11,9 +11,9 @@ use tracing::{debug, info};
 
 use super::joint_search::{JointEvidence, joint_search};
 use super::left_out::left_out;
-use crate::calibrate::rig::{EffectOf, RigCalibrated, RigOptions, fit_rig};
+use crate::calibrate::{self, CalibrateOptions, Calibrated, EffectOf};
 use crate::diagnose::DiagnoseError;
-use crate::observe::RigCapture;
+use crate::observe::Capture;
 
 /// p-value, corrected for the numbers of effects and of their variants, below which an effect is tried.
 const SIGNIFICANT: f64 = 1e-3;
@@ -32,9 +32,9 @@ pub struct EffectInRig {
 /// The fit that effects are tried against.
 pub(super) struct Tried<'a> {
     /// The rig without them.
-    pub rig: &'a RigCalibrated,
+    pub rig: &'a Calibrated,
     /// Options with which it was fitted.
-    pub options: &'a RigOptions,
+    pub options: &'a CalibrateOptions,
     /// The effects that are considered: those of one camera without images.
     pub register: &'a Register,
     /// Parts into which frames are left out.
@@ -50,10 +50,10 @@ pub(super) struct Tried<'a> {
 ///
 /// [`DiagnoseError`] of an adjustment. An effect with which the rig cannot be calibrated is passed over.
 pub(super) fn tried_in_rig(
-    capture: &RigCapture,
+    capture: &Capture,
     camera: &str,
     tried: &Tried<'_>,
-) -> Result<Option<(EffectInRig, RigCalibrated)>, DiagnoseError> {
+) -> Result<Option<(EffectInRig, Calibrated)>, DiagnoseError> {
     let Tried { rig, options, register, folds, thresholds } = *tried;
     let (Some(number), Some(camera_fit)) =
         (rig.state.cameras.iter().position(|c| c.name == camera), rig.camera(camera))
@@ -62,13 +62,13 @@ pub(super) fn tried_in_rig(
     };
     let ranked = joint_search(&rig.state, number, &camera_fit.calibrated, register, thresholds)?;
     let is_tried = |e: &&JointEvidence| e.p_value < SIGNIFICANT && e.gain_t >= thresholds.least_gain_t;
-    let mut best: Option<(EffectInRig, RigCalibrated)> = None;
+    let mut best: Option<(EffectInRig, Calibrated)> = None;
     for evidence in ranked.iter().filter(is_tried).take(MOST_TRIED) {
         let JointEvidence { spec, statistic, p_value, gain_t } = evidence;
         debug!("{camera}: {spec} has a score of {statistic:.1}, p = {p_value:.1e}, gains of t = {gain_t:.1}");
         let mut with = options.clone();
         with.effects.push(EffectOf { camera: Some(camera.to_owned()), effect: spec.clone() });
-        let mut fit = match fit_rig(capture, &with) {
+        let mut fit = match calibrate::fit(capture, &with) {
             Ok(fit) => fit,
             Err(error) => {
                 info!("{camera}: the rig cannot be calibrated with {spec}: {error}");

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::observe::{Capture, DroppedFrame, PosedFrame};
+use crate::observe::{CameraFrames, DroppedFrame, PosedFrame};
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 use tracing::{info, warn};
@@ -29,7 +29,7 @@ pub struct Node<'a> {
     /// The camera.
     pub camera: &'a Camera,
     /// Its frames.
-    pub capture: &'a mut Capture<PosedFrame>,
+    pub capture: &'a mut CameraFrames<PosedFrame>,
     /// By how much it exposes later than its times say, s, where it exposes at other moments than the reference and the board
     /// moves.
     pub offset_s: Option<f64>,
@@ -115,7 +115,7 @@ fn number_alike([a, b]: [usize; 2], nodes: &mut [Node<'_>], shared: &[[usize; 2]
 }
 
 /// Places of the frames that both captures have.
-fn shared_frames(first: &Capture<PosedFrame>, second: &Capture<PosedFrame>) -> Vec<[usize; 2]> {
+fn shared_frames(first: &CameraFrames<PosedFrame>, second: &CameraFrames<PosedFrame>) -> Vec<[usize; 2]> {
     let places: BTreeMap<&str, usize> = second.frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
     let frames = first.frames.iter().enumerate();
     frames.filter_map(|(i, frame)| Some([i, *places.get(frame.name.as_str())?])).collect()
@@ -139,8 +139,8 @@ fn when_the_second_exposes(
 
 /// The views of shared frames about which the board's motion in the first camera is known.
 fn moving_views(
-    first: &Capture<PosedFrame>,
-    second: &Capture<PosedFrame>,
+    first: &CameraFrames<PosedFrame>,
+    second: &CameraFrames<PosedFrame>,
     shared: &[[usize; 2]],
 ) -> Vec<([usize; 2], MovingView)> {
     let mut about: Vec<Option<BoardMotion>> = vec![None; first.frames.len()];
@@ -161,7 +161,7 @@ fn moving_views(
 
 /// By how much the second camera exposes later than its times say against the first, s, by the poses of single images; `None`
 /// where the two share too few frames about which the board's motion is known.
-pub fn offset_between(first: &Capture<PosedFrame>, second: &Capture<PosedFrame>) -> Option<f64> {
+pub fn offset_between(first: &CameraFrames<PosedFrame>, second: &CameraFrames<PosedFrame>) -> Option<f64> {
     let views = moving_views(first, second, &shared_frames(first, second));
     time_offset(&first.target, &views.into_iter().map(|(_, view)| view).collect::<Vec<_>>())
 }

@@ -7,7 +7,7 @@ use depthcal_model::{Pattern, Target};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use tracing::info;
 
-use crate::observe::{DetectedFrame, MarkerObservation, PlacedCamera, PosedFrame, RigCapture};
+use crate::observe::{Capture, DetectedFrame, MarkerObservation, PlacedCamera, PosedFrame};
 use crate::start::{FrameMarkers, estimate_pose};
 
 /// Views whose numberings are tried for all.
@@ -133,7 +133,7 @@ pub(super) fn agree_on_labels(target: &Target, views: &mut [(&PosedFrame, &mut P
 }
 
 /// A capture whose boards are numbered as the places of the cameras of a rig have them; the first camera's as they are.
-pub(crate) fn numbered_for<'a>(rig: &[PlacedCamera], capture: &'a RigCapture) -> Cow<'a, RigCapture> {
+pub(crate) fn numbered_for<'a>(rig: &[PlacedCamera], capture: &'a Capture) -> Cow<'a, Capture> {
     let turns = match capture.cameras.first() {
         Some(first) => turns(&first.capture.target),
         None => Vec::new(),

@@ -29,7 +29,7 @@ use self::dictionary::Dictionary;
 use self::search::{Found, components};
 use super::discovered::Discovery;
 use super::observations::{FrameRows, Observations};
-use crate::calibrate::Calibrated;
+use crate::calibrate::CalibratedCamera;
 use crate::diagnose::candidate_blocks::with_pieces;
 
 /// Depth samples that take part, about: the products of all columns take most of the time.
@@ -59,21 +59,21 @@ pub fn effects_of_board<'a>(register: &'a Register, camera: &'a Camera) -> impl 
 }
 
 /// A fit whose board may have any shape of `register`, which begins with the one that it has.
-fn with_free_board(fit: &Calibrated, register: &Register) -> Calibrated {
+fn with_free_board(fit: &CalibratedCamera, register: &Register) -> CalibratedCamera {
     let blocks = effects_of_board(register, &fit.camera).filter_map(|name| register.block(name, None).ok());
-    Calibrated { camera: with_pieces(&fit.camera, blocks).0, ..fit.clone() }
+    CalibratedCamera { camera: with_pieces(&fit.camera, blocks).0, ..fit.clone() }
 }
 
 /// The functions that the residuals of a fit depend on, none of them chance given all others and the shape of the board;
 /// `register` has the board's effects, and `taken` are names of pieces. Empty where nothing is found, or where the frames
 /// cannot be evaluated.
-pub fn additive_components(fit: &Calibrated, register: &Register, taken: &[String]) -> Vec<Component> {
+pub fn additive_components(fit: &CalibratedCamera, register: &Register, taken: &[String]) -> Vec<Component> {
     let fit = with_free_board(fit, register);
     Observations::thinned(&fit, MOST_SAMPLES).map_or_else(Vec::new, |observations| described(&observations, taken))
 }
 
 /// The functions that are searched in the residuals of a fit; `None` where the frames cannot be evaluated.
-pub fn searched(fit: &Calibrated) -> Option<DiagnosisSearched> {
+pub fn searched(fit: &CalibratedCamera) -> Option<DiagnosisSearched> {
     Observations::thinned(fit, SAMPLES_OF_SPANS).map(|observations| Dictionary::of(&observations, 1).searched())
 }
 

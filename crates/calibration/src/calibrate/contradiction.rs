@@ -4,7 +4,7 @@
 use depthcal_statistics::{rms, upper_median};
 use nalgebra::Point3;
 
-use super::fitted::{CameraFit, RigCalibrated};
+use super::calibrated::{Calibrated, CameraFit};
 use crate::calibrate::{CalibrateError, RigContradiction};
 
 /// Noise of a camera in a rig over that alone from which on the cameras contradict each other …
@@ -21,7 +21,7 @@ const NAMED: usize = 6;
 /// # Errors
 ///
 /// [`CalibrateError::RigContradiction`] with the camera that is contradicted most.
-pub(crate) fn check_evidence(rig: &RigCalibrated) -> Result<(), CalibrateError> {
+pub(crate) fn check_evidence(rig: &Calibrated) -> Result<(), CalibrateError> {
     fn ratio(camera: &CameraFit) -> Option<(f64, &CameraFit, f64)> {
         let (alone_px, joint_px) = (camera.alone_px?, camera.calibrated.noise.pixel_sigma);
         (joint_px > LEAST_PX && joint_px > CONTRADICTS * alone_px).then_some((joint_px / alone_px, camera, alone_px))

@@ -6,23 +6,23 @@ use depthcal_io::LensComparison;
 use depthcal_model::{Camera, ModelSpec};
 use nalgebra::DMatrix;
 
+use super::camera_options::Estimator;
 use super::foreign_depth::ForeignDepth;
 use super::lens_order::LensChoice;
-use super::options::Estimator;
 use crate::adjust::camera_prior::CameraPrior;
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::observe::noise::NoiseModel;
-use crate::observe::{Capture, PosedFrame, SampledFrame};
+use crate::observe::{CameraFrames, PosedFrame, SampledFrame};
 
 /// A calibrated camera with everything that is known about the fit. Frames are at the stage that was fitted: sampled, or
 /// only posed where the images alone were adjusted.
 #[derive(Debug, Clone)]
-pub struct Calibrated<F = SampledFrame> {
+pub struct CalibratedCamera<F = SampledFrame> {
     /// The camera.
     pub camera: Camera,
     /// The fitted data: frames with their poses and the depth samples that were used. Frames that turned out unusable are among
     /// its dropped.
-    pub capture: Capture<F>,
+    pub capture: CameraFrames<F>,
     /// Frames among the dropped whose depth belongs to another pose, or whose board has another size.
     pub foreign_depth: Vec<ForeignDepth>,
     /// Joint covariance of [`Camera::theta`]; zero for held parameters. `None` from the estimators that give none.
@@ -60,7 +60,7 @@ pub struct Calibrated<F = SampledFrame> {
     pub model: ModelSpec,
 }
 
-impl<F> Calibrated<F> {
+impl<F> CalibratedCamera<F> {
     /// Standard deviation of every parameter in the order of [`Camera::theta`]; `None` for held ones.
     pub fn std_devs(&self) -> Vec<Option<f64>> {
         let free = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied());
@@ -73,13 +73,13 @@ impl<F> Calibrated<F> {
     }
 }
 
-impl Calibrated<PosedFrame> {
+impl CalibratedCamera<PosedFrame> {
     /// This fit with frames that have no depth samples.
-    pub(super) fn without_samples(self) -> Calibrated {
+    pub(super) fn without_samples(self) -> CalibratedCamera {
         let sampled = |posed| SampledFrame { posed, samples: Arc::default() };
         let mut capture = self.capture.with_frames(Vec::new());
         capture.frames = self.capture.frames.into_iter().map(sampled).collect();
-        Calibrated {
+        CalibratedCamera {
             capture,
             camera: self.camera,
             foreign_depth: self.foreign_depth,
