@@ -2,13 +2,13 @@
 
 use std::collections::VecDeque;
 
-use depthcal_calibration::plan::{BoardTilt, ImagePlace, ProposedFrame, pose_showing, predicted_frame};
+use depthcal_calibration::plan::{BoardTilt, BoardView, ImagePlace, ProposedFrame, pose_showing, predicted_frame};
 use depthcal_calibration::start::{FrameMarkers, local_poses};
 use depthcal_io::MarkerObservation;
 use depthcal_model::{Camera, Context, Target};
 use nalgebra::{Isometry3, Point3};
 
-use crate::pose_distance::View;
+use crate::pose_distance::{distance, hint};
 
 /// Focal length of a camera that is not known yet, in widths of its image: 53° from left to right.
 const FOCAL: f64 = 1.0;
@@ -26,7 +26,7 @@ const ALIKE: f64 = 1.3;
 pub(crate) struct WantedPose {
     pub words: String,
     pub pose: Isometry3<f64>,
-    pub view: View,
+    pub view: BoardView,
 }
 
 /// The camera by which poses are told, and the poses that are wanted, the first one first.
@@ -83,26 +83,26 @@ impl Guide {
 
     fn want(&mut self, pose: Option<(String, Isometry3<f64>)>) {
         let wanted = pose.and_then(|(words, pose)| {
-            let view = View::of(&self.camera, &self.target, &pose)?;
+            let view = BoardView::new(&self.camera, &self.target, &pose)?;
             Some(WantedPose { words, pose, view })
         });
         self.wanted.extend(wanted);
     }
 
     /// The views of a board that fit its markers alike: a small or distant board may be tilted one way or the other.
-    pub(crate) fn views(&self, markers: &[MarkerObservation]) -> Vec<View> {
+    pub(crate) fn views(&self, markers: &[MarkerObservation]) -> Vec<BoardView> {
         let frame = FrameMarkers { name: "live", markers };
         let fits = local_poses(&self.camera, &self.target, &frame).unwrap_or_default();
         let best = fits.first().map_or(0.0, |fit| fit.rms_px);
         let alike = fits.iter().filter(|fit| fit.rms_px <= ALIKE * best);
-        alike.filter_map(|fit| View::of(&self.camera, &self.target, &fit.camera_from_board)).collect()
+        alike.filter_map(|fit| BoardView::new(&self.camera, &self.target, &fit.camera_from_board)).collect()
     }
 
-    /// How far a board with these views is from the first wanted pose, see [`View::distance_to`], and what brings it nearer.
-    pub(crate) fn distance_and_hint(&self, views: &[View]) -> Option<(f64, &'static str)> {
+    /// How far a board with these views is from the first wanted pose, in steps that are 1 where it just is there, and what brings it nearer.
+    pub(crate) fn distance_and_hint(&self, views: &[BoardView]) -> Option<(f64, &'static str)> {
         let wanted = self.wanted.front()?.view;
-        let distance = |view: &View| (view.distance_to(&wanted, &self.camera), view.hint_to(&wanted, &self.camera));
-        views.iter().map(distance).min_by(|a, b| a.0.total_cmp(&b.0))
+        let to_wanted = |view: &BoardView| (distance(view, &wanted, &self.camera), hint(view, &wanted, &self.camera));
+        views.iter().map(to_wanted).min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     /// The outline of the markers of a board in a pose, px.

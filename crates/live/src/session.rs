@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use depthcal_calibration::plan::BoardView;
 use depthcal_calibration::start::FEWEST_FRAMES;
 use depthcal_detect::{DetectOptions, detect};
 use depthcal_io::{GrayImage, MarkerObservation};
@@ -14,7 +15,6 @@ use crate::error::LiveError;
 use crate::fit::{FitJob, FitOutcome, FitSummary, KeptFrame};
 use crate::guide::Guide;
 use crate::page_state::{BoardSeen, KeptDot, PageState, Wanted};
-use crate::pose_distance::View;
 use crate::recorder::Recorder;
 use crate::sharpness::edge_width_px;
 use crate::source::Arrival;
@@ -39,7 +39,7 @@ struct Shown {
     arrival: Arc<Arrival>,
     markers: Vec<MarkerObservation>,
     judgement: Judgement,
-    views: Vec<View>,
+    views: Vec<BoardView>,
     is_kept: bool,
 }
 
@@ -163,7 +163,7 @@ impl Session {
         &self,
         markers: &[MarkerObservation],
         Judgement { is_sharp, is_still }: Judgement,
-        views: &[View],
+        views: &[BoardView],
         is_video: bool,
     ) -> bool {
         let Some(guide) = &self.guide else { return false };

@@ -50,6 +50,30 @@ pub struct NextCaptures {
 }
 
 impl NextRequest {
+    /// Number of the camera that is asked for.
+    pub(super) fn camera_of(&self, state: &State) -> Result<usize, PlanError> {
+        let named = |name: &String| state.cameras.iter().position(|camera| camera.name == *name);
+        match &self.camera {
+            Some(name) => named(name).ok_or_else(|| PlanError::NoCamera {
+                name: name.clone(),
+                known: state.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", "),
+            }),
+            None => Ok(state.cameras.iter().position(CameraState::has_depth).unwrap_or(0)),
+        }
+    }
+
+    /// The goal that is asked for.
+    pub(super) fn goal_of(&self, camera: &CameraState, planner: &Planner) -> Goal {
+        let middle = (planner.range_mm[0] * planner.range_mm[1]).sqrt();
+        match self.goal.as_str() {
+            "projection" => Goal::Projection { distance_mm: middle },
+            "depth" => Goal::Depth { range_mm: self.range_mm.unwrap_or(planner.range_mm) },
+            "" if camera.has_depth() => Goal::Depth { range_mm: self.range_mm.unwrap_or(planner.range_mm) },
+            "" => Goal::Projection { distance_mm: middle },
+            parameter => Goal::Parameter(parameter.to_owned()),
+        }
+    }
+
     /// The poses that lower the goal most.
     ///
     /// # Errors
@@ -57,24 +81,11 @@ impl NextRequest {
     /// [`TaskError::Plan`]: the goal means nothing for the camera, or the frames leave parameters open.
     pub fn next(&self, fitted: &Fitted) -> Result<NextCaptures, TaskError> {
         let (state, covariance) = state_of(fitted)?;
-        let named = |name: &String| state.cameras.iter().position(|camera| camera.name == *name);
-        let number = match &self.camera {
-            Some(name) => named(name).ok_or_else(|| PlanError::NoCamera {
-                name: name.clone(),
-                known: state.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", "),
-            })?,
-            None => state.cameras.iter().position(CameraState::has_depth).unwrap_or(0),
-        };
+        let number = self.camera_of(&state)?;
         let planner = Planner::new(&state, number, &covariance)?;
         let camera = &state.cameras[number];
         let middle = (planner.range_mm[0] * planner.range_mm[1]).sqrt();
-        let goal = match self.goal.as_str() {
-            "projection" => Goal::Projection { distance_mm: middle },
-            "depth" => Goal::Depth { range_mm: self.range_mm.unwrap_or(planner.range_mm) },
-            "" if camera.has_depth() => planner.default_goal(),
-            "" => Goal::Projection { distance_mm: middle },
-            parameter => Goal::Parameter(parameter.to_owned()),
-        };
+        let goal = self.goal_of(camera, &planner);
         let noise_mm = camera.has_depth().then(|| depth_noise_mm(&camera.noise, middle));
         let by_default = match (&goal, noise_mm) {
             (Goal::Depth { .. }, Some(noise)) => SHARE_OF_NOISE * noise,
@@ -94,7 +105,7 @@ fn depth_noise_mm(noise: &NoiseModel, distance_mm: f64) -> f64 {
 }
 
 /// The final state of a fit with the joint covariance of its parameters. A camera is a rig of one.
-fn state_of(fitted: &Fitted) -> Result<(State, DMatrix<f64>), PlanError> {
+pub(super) fn state_of(fitted: &Fitted) -> Result<(State, DMatrix<f64>), PlanError> {
     match fitted {
         Fitted::Camera(fit) => {
             let covariance = fit.covariance.clone().ok_or(PlanError::Undetermined)?;
