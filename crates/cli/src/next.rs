@@ -3,12 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use depthcal_calibration::plan::Goal;
 use depthcal_calibration::task::{Fit, NextCaptures, NextRequest};
 use depthcal_io::write_atomically;
-use depthcal_report::board_views;
 use depthcal_report::format::{count, quantity};
-use serde_json::{Value, json};
+use depthcal_report::{board_views, goal_words, next_value};
+use serde_json::Value;
 
 use super::common::{Reading, camera_count};
 use super::failure::{Failure, input};
@@ -90,24 +89,7 @@ impl Next {
             write_atomically(path, |writer| writer.write_all(svg.as_bytes())).map_err(input)?;
             say!("written: {}", path.display());
         }
-        Ok(value(&next))
-    }
-}
-
-/// The subject of a goal, in words.
-pub(super) fn about(goal: &Goal) -> String {
-    match goal {
-        Goal::Depth { range_mm: [near, far] } => {
-            format!(
-                "error of corrected depth from {} to {}, rms over the image",
-                quantity(*near, "mm"),
-                quantity(*far, "mm")
-            )
-        }
-        Goal::Projection { distance_mm } => {
-            format!("error of projection at {}, rms over the image", quantity(*distance_mm, "mm"))
-        }
-        Goal::Parameter(name) => format!("error of {name}"),
+        Ok(next_value(&next))
     }
 }
 
@@ -116,7 +98,7 @@ fn print(next: &NextCaptures, is_rig: bool) {
     let of_camera = if is_rig { format!("{}: ", next.camera) } else { String::new() };
     say!(
         "{of_camera}{}: {} expected now, below {} with 95 % certainty",
-        about(&next.goal),
+        goal_words(&next.goal),
         quantity(plan.now, unit),
         quantity(plan.now_certain, unit)
     );
@@ -149,31 +131,4 @@ fn drawing(fit: &Fit, next: &NextCaptures) -> String {
     let boards: Vec<_> =
         next.plan.poses.iter().map(|planned| (placed * planned.rig_from_board, planned.frame.words())).collect();
     board_views(&camera.camera, &camera.capture.target, &boards)
-}
-
-fn value(next: &NextCaptures) -> Value {
-    let pose = |planned: &depthcal_calibration::plan::Planned| {
-        let (q, t) = (planned.rig_from_board.rotation.quaternion(), planned.rig_from_board.translation.vector);
-        json!({
-            "words": planned.frame.words(),
-            "distance_mm": planned.frame.distance_mm,
-            "turned_deg": planned.frame.tilt.angles_deg(),
-            "rotation": [q.w, q.i, q.j, q.k],
-            "translation_mm": [t.x, t.y, t.z],
-            "expected": planned.expected,
-        })
-    };
-    let plan = &next.plan;
-    json!({
-        "camera": next.camera,
-        "goal": about(&next.goal),
-        "unit": next.unit,
-        "now": plan.now,
-        "now_95": plan.now_certain,
-        "within": next.target,
-        "frames_needed": plan.frames_needed,
-        "reachable_95": plan.reachable,
-        "pixel_noise_mm": next.noise_mm,
-        "capture_next": plan.poses.iter().map(pose).collect::<Vec<_>>(),
-    })
 }

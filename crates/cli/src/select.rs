@@ -10,12 +10,13 @@ use depthcal_calibration::load::Loaded;
 use depthcal_calibration::task::{NextRequest, SelectRequest, Selected};
 use depthcal_io::{DATASET_FILE, DatasetFile, FileError, StagedDataset, write_atomically};
 use depthcal_report::format::{count, quantity};
+use depthcal_report::goal_words;
 use serde_json::{Value, json};
 
 use super::common::{Reading, camera_count};
 use super::failure::{Failure, input};
 use super::model_options::ModelOptions;
-use super::next::{about, parse_range};
+use super::next::parse_range;
 use super::progress::Progress;
 use super::session::Session;
 use super::voice::say;
@@ -107,7 +108,7 @@ fn print(Selected { goal, unit, selection, .. }: &Selected) {
         "{} to fit: {} of {} expected, {} with all that are not set aside",
         count(selection.chosen.len(), "frame"),
         quantity(expected, unit),
-        about(goal),
+        goal_words(goal),
         quantity(selection.of_all, unit)
     );
     for (number, frame) in selection.chosen.iter().enumerate() {
@@ -129,7 +130,7 @@ fn value(Selected { camera, goal, unit, selection }: &Selected) -> Value {
     let like = selection.like_held_out.iter().map(|[name, held]| json!({ "name": name, "like": held }));
     json!({
         "camera": camera,
-        "goal": about(goal),
+        "goal": goal_words(goal),
         "unit": unit,
         "chosen": chosen.collect::<Vec<_>>(),
         "held_out": selection.held_out,

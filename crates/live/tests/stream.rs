@@ -53,8 +53,8 @@ fn a_stream_that_ends_within_a_frame_says_where() {
     for cut in 1..whole.len() {
         let message = complaint(&[&whole[..], &whole[..cut]].concat());
         let part = match whole.len() - cut {
-            12.. => "header",
-            9..12 => "image",
+            13.. => "header",
+            9.. => "image",
             8 => "depth, after 0 of 8 bytes",
             _ => "depth",
         };

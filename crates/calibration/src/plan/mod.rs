@@ -13,6 +13,8 @@ mod planner_tests;
 mod pose;
 mod predicted;
 mod selection;
+#[cfg(test)]
+mod selection_tests;
 mod view;
 
 pub use goal::{Goal, GoalError};
