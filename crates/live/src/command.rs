@@ -7,6 +7,8 @@ pub enum Command {
     Capture,
     /// Remove the frame that was kept last.
     TakeBack,
+    /// Give up the wanted pose for the next one.
+    Skip,
     /// End the session.
     Finish,
 }

@@ -15,7 +15,9 @@ pub struct PageState {
     pub board: Option<BoardSeen>,
     /// The pose that is wanted next.
     pub wanted: Option<Wanted>,
-    /// The kept frames.
+    /// Number of kept frames.
+    pub count: usize,
+    /// The views of those whose pose is known.
     pub kept: Vec<KeptDot>,
     /// Columns and rows of the grid over the image.
     pub grid: [usize; 2],

@@ -48,7 +48,7 @@ pub struct Ended {
 /// Runs a session until the page ends it or the stream is at its end. `tell` is given the address of the page once it is served.
 ///
 /// # Errors
-/// [`LiveError`] where the session cannot begin, or the board cannot be searched.
+/// [`LiveError`] where the session cannot begin.
 pub fn run(options: LiveOptions, source: Source, tell: impl FnOnce(&str)) -> Result<Ended, LiveError> {
     let LiveOptions { target, out, port, share, detect, fit } = options;
     if let Source::Folder { path, .. } = &source
@@ -75,11 +75,17 @@ pub fn run(options: LiveOptions, source: Source, tell: impl FnOnce(&str)) -> Res
         let mut state = session.page_state();
         (state.is_fitting, state.source_ended) = (fitter.is_busy(), source_ended.clone());
         published.publish(state, session.shown());
-        let kept_before = session.kept();
+        let changes = session.changes();
         match inbox.next() {
-            Event::Frame(arrival) => drop(session.see(*arrival)?),
+            Event::Frame(arrival) => {
+                let name = arrival.name.clone();
+                if let Err(error) = session.see(*arrival) {
+                    session.tell(format!("{name}: {error}"));
+                }
+            }
             Event::Command(Command::Capture) => drop(session.capture()),
             Event::Command(Command::TakeBack) => drop(session.take_back()),
+            Event::Command(Command::Skip) => session.skip(),
             Event::Command(Command::Finish) => break None,
             Event::Fitted(outcome) => session.fitted(*outcome),
             Event::Ended(end) if is_endless => {
@@ -87,7 +93,7 @@ pub fn run(options: LiveOptions, source: Source, tell: impl FnOnce(&str)) -> Res
             }
             Event::Ended(end) => break end.problem,
         }
-        if session.kept() != kept_before {
+        if session.changes() != changes {
             info!("{} frames are kept", session.kept().len());
             session.fit_job().into_iter().for_each(|job| fitter.submit(job));
         }

@@ -51,6 +51,8 @@ pub struct Session {
     recorder: Recorder,
     judge: Judge,
     kept: Vec<KeptFrame>,
+    /// Their views under the guide's camera, which take time to find.
+    dots: Vec<Option<KeptDot>>,
     size: Option<[usize; 2]>,
     unit_mm: Option<f64>,
     guide: Option<Guide>,
@@ -83,6 +85,7 @@ impl Session {
             recorder,
             judge: Judge::default(),
             kept: Vec::new(),
+            dots: Vec::new(),
             size: None,
             unit_mm: None,
             guide: None,
@@ -103,6 +106,7 @@ impl Session {
                 metadata: arrival.metadata,
             });
         }
+        session.find_dots();
         if !session.kept.is_empty() {
             session.message = format!("{} frames of an earlier session", session.kept.len());
         }
@@ -223,6 +227,8 @@ impl Session {
         {
             guide.wanted.pop_front();
         }
+        let dot = self.kept.last().and_then(|frame| self.dot(frame));
+        self.dots.push(dot);
         self.events += 1;
         self.message = format!("kept {name}");
         Some(name)
@@ -239,9 +245,29 @@ impl Session {
             return None;
         }
         self.kept.pop();
+        self.dots.pop();
         self.events += 1;
         self.message = format!("taken back {last}");
         Some(last)
+    }
+
+    /// Gives up the pose that is wanted, for the next one.
+    pub fn skip(&mut self) {
+        let skipped = self.guide.as_mut().and_then(|guide| guide.wanted.pop_front());
+        self.message = match skipped {
+            Some(wanted) => format!("not wanted any more: {}", wanted.words),
+            None => "no pose is wanted".to_owned(),
+        };
+    }
+
+    /// Shows a message.
+    pub fn tell(&mut self, message: String) {
+        self.message = message;
+    }
+
+    /// Number of frames that were kept or taken back.
+    pub fn changes(&self) -> u64 {
+        self.events
     }
 
     /// The frames to fit; `None` while they are too few.
@@ -267,6 +293,7 @@ impl Session {
                     shown.views = guide.views(&shown.markers);
                 }
                 self.guide = Some(guide);
+                self.find_dots();
                 (self.fit, self.unfitted) = (Some(fitted.summary), None);
             }
             Err(reason) => self.unfitted = Some(reason),
@@ -302,7 +329,8 @@ impl Session {
             size: self.size.unwrap_or_default(),
             board,
             wanted,
-            kept: self.dots(),
+            count: self.kept.len(),
+            kept: self.dots.iter().flatten().cloned().collect(),
             grid: GRID,
             cells: self.cells(),
             fit: self.fit.clone(),
@@ -314,18 +342,18 @@ impl Session {
     }
 
     /// Distance and tilt of the kept frames under the present camera.
-    fn dots(&self) -> Vec<KeptDot> {
-        let Some(guide) = &self.guide else { return Vec::new() };
-        let dot = |frame: &KeptFrame| {
-            let view = guide.views(&frame.markers).into_iter().next()?;
-            Some(KeptDot {
-                name: frame.name.clone(),
-                distance_mm: view.distance_mm,
-                tilt_deg: view.tilt_deg(),
-                turn_deg: view.turn_deg,
-            })
-        };
-        self.kept.iter().filter_map(dot).collect()
+    fn find_dots(&mut self) {
+        self.dots = self.kept.par_iter().map(|frame| self.dot(frame)).collect();
+    }
+
+    fn dot(&self, frame: &KeptFrame) -> Option<KeptDot> {
+        let view = self.guide.as_ref()?.views(&frame.markers).into_iter().next()?;
+        Some(KeptDot {
+            name: frame.name.clone(),
+            distance_mm: view.distance_mm,
+            tilt_deg: view.tilt_deg(),
+            turn_deg: view.turn_deg,
+        })
     }
 
     /// Markers of kept frames in every cell of the grid.

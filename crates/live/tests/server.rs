@@ -88,8 +88,8 @@ fn the_page_its_state_and_its_picture() {
         assert_eq!(running.get(page).0, 200);
     }
     let mark = "X-Depthcal: live\r\nContent-Length: 0\r\n";
-    assert_eq!(["capture", "take-back", "finish"].map(|path| running.post(path, mark)), [200; 3]);
-    assert_eq!(running.commands(), [Command::Capture, Command::TakeBack, Command::Finish]);
+    assert_eq!(["capture", "take-back", "skip", "finish"].map(|path| running.post(path, mark)), [200; 4]);
+    assert_eq!(running.commands(), [Command::Capture, Command::TakeBack, Command::Skip, Command::Finish]);
     running.server.stop();
 }
 

@@ -166,6 +166,21 @@ fn after_a_fit_a_video_keeps_the_wanted_pose_alone() {
         at_rest(&video(10)).into_iter().map(|frame| session.see(frame).unwrap().kept.is_some()).collect();
     assert_eq!(kept, [false, false, false, true]);
     assert_eq!(session.page_state().wanted, None);
+    // No pose is left: whatever differs is kept again.
+    assert!(at_rest(&video(11)).into_iter().any(|frame| session.see(frame).unwrap().kept.is_some()));
+}
+
+#[test]
+fn a_pose_that_cannot_be_reached_is_given_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = open(folder.path());
+    session.see(arrivals(false).remove(0)).unwrap();
+    let wanted = |session: &Session| session.page_state().wanted.map(|wanted| wanted.words);
+    let first = wanted(&session);
+    session.skip();
+    assert!(first.is_some() && wanted(&session).is_some() && wanted(&session) != first);
+    (0..20).for_each(|_| session.skip());
+    assert_eq!(wanted(&session), None);
 }
 
 #[test]

@@ -100,7 +100,7 @@ function showWords() {
 /** Errors, the goal, and what "enough" means. */
 function showNumbers() {
   const fit = state.fit || {};
-  text("count", String(state.kept.length));
+  text("count", String(state.count));
   text("fitted-px", quantity(fit.fitted_px, "px"));
   text("held-px", quantity(fit.held_px, "px"));
   text("fitted-mm", quantity(fit.fitted_mm, "mm"));
@@ -204,6 +204,7 @@ async function follow() {
 const ask = (path) => fetch(path, { method: "POST", headers: { "X-Depthcal": "live" } }).catch(() => {});
 by("capture").onclick = () => { soundOn(); ask("capture"); };
 by("take-back").onclick = () => { soundOn(); ask("take-back"); };
+by("skip").onclick = () => ask("skip");
 by("finish").onclick = () => by("sure").showModal();
 by("sure").onclose = () => { if (by("sure").returnValue === "yes") ask("finish"); };
 by("sound").onclick = async () => {
@@ -211,7 +212,7 @@ by("sound").onclick = async () => {
 };
 document.addEventListener("keydown", (event) => {
   if (event.repeat || event.ctrlKey || event.metaKey || event.altKey || by("sure").open) return;
-  const path = { " ": "capture", z: "take-back", Z: "take-back" }[event.key];
+  const path = { " ": "capture", z: "take-back", Z: "take-back", n: "skip", N: "skip" }[event.key];
   if (path) { event.preventDefault(); soundOn(); ask(path); }
   if (event.key === "Enter") { event.preventDefault(); by("sure").showModal(); }
 });

@@ -85,6 +85,7 @@ pub(super) fn answer(path: &str, request: &Request, published: &Published, inbox
     let command = match path {
         "/capture" => Some(Command::Capture),
         "/take-back" => Some(Command::TakeBack),
+        "/skip" => Some(Command::Skip),
         "/finish" => Some(Command::Finish),
         _ => None,
     };
