@@ -32,7 +32,12 @@ pub fn next_sentence(next: &NextCaptures) -> String {
             let frames = count(frames, "frame");
             format!("{about}: below {now} with 95 % certainty, within {target} after {frames} more, such as: {pose}")
         }
-        None => format!("{about}: below {now} with 95 % certainty; more frames hardly help to bring it within {target}"),
+        None => {
+            let reachable = quantity(plan.reachable, unit);
+            format!(
+                "{about}: below {now} with 95 % certainty, {reachable} after many more, not {target}; the best: {pose}"
+            )
+        }
     }
 }
 

@@ -120,8 +120,8 @@ function goal(fit) {
   const aim = quantity(plan.within, plan.unit);
   if (plan.frames_needed === 0) return ["enough", `${now}; ${aim} was asked for. Further frames are not needed.`, true];
   if (plan.frames_needed === null) {
-    const left = quantity(plan.reachable_95, plan.unit);
-    return ["more hardly helps", `${now}. ${aim} is not reached by frames like these: ${left} is what they leave.`, false];
+    const left = quantity(plan.reachable_95, plan.unit), helps = plan.now_95 > 1.1 * plan.reachable_95;
+    return [helps ? "not yet enough" : "more hardly helps", `${now}. Frames like the wanted ones bring it to ${left}; ${aim} is not reached.`, false];
   }
   const more = plan.frames_needed;
   return [`${more} more ${more === 1 ? "frame" : "frames"}`, `${now}; like the wanted ones, they bring it below ${aim}.`, false];
