@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use depthcal_calibration::plan::BoardView;
-use depthcal_calibration::start::FEWEST_FRAMES;
 use depthcal_detect::{DetectOptions, detect};
 use depthcal_io::{GrayImage, MarkerObservation};
 use depthcal_model::{Pattern, Target};
@@ -21,6 +20,8 @@ use crate::source::Arrival;
 
 /// Columns and rows of the grid over the image in which markers are counted.
 const GRID: [usize; 2] = [8, 6];
+/// Fewest frames for the first fit, after which poses are planned: a camera from fewer leads to places that are hard to reach.
+const FIRST_FIT: usize = 5;
 /// Most frames that are kept: depth images of all of them are in memory.
 const MOST_KEPT: usize = 300;
 
@@ -40,7 +41,8 @@ struct Shown {
     markers: Vec<MarkerObservation>,
     judgement: Judgement,
     views: Vec<BoardView>,
-    is_kept: bool,
+    /// The name under which it is kept.
+    kept_as: Option<String>,
 }
 
 /// A live session. Frames that it keeps are written at once.
@@ -157,7 +159,7 @@ impl Session {
         let is_wanted = self.is_worth_keeping(&markers, judgement, &views, arrival.is_video);
         let found = markers.len();
         self.pictures += 1;
-        self.shown = Some(Shown { arrival: Arc::new(arrival), markers, judgement, views, is_kept: false });
+        self.shown = Some(Shown { arrival: Arc::new(arrival), markers, judgement, views, kept_as: None });
         let kept = if is_wanted { self.keep() } else { None };
         Ok(Seen { markers: found, kept })
     }
@@ -187,7 +189,7 @@ impl Session {
     pub fn capture(&mut self) -> Option<String> {
         match &self.shown {
             None => self.message = "there is no frame yet".to_owned(),
-            Some(shown) if shown.is_kept => self.message = "this frame is kept already".to_owned(),
+            Some(shown) if shown.kept_as.is_some() => self.message = "this frame is kept already".to_owned(),
             Some(shown) if shown.markers.is_empty() => {
                 self.message = "not kept: the board is not seen".to_owned();
             }
@@ -214,7 +216,7 @@ impl Session {
                 return None;
             }
         };
-        shown.is_kept = true;
+        shown.kept_as = Some(name.clone());
         self.unit_mm = arrival.unit_mm;
         self.kept.push(KeptFrame {
             name: name.clone(),
@@ -246,6 +248,9 @@ impl Session {
         }
         self.kept.pop();
         self.dots.pop();
+        if let Some(shown) = self.shown.as_mut().filter(|shown| shown.kept_as.as_ref() == Some(&last)) {
+            shown.kept_as = None;
+        }
         self.events += 1;
         self.message = format!("taken back {last}");
         Some(last)
@@ -275,7 +280,7 @@ impl Session {
         let size = self.size?;
         let frames: Vec<KeptFrame> = self.kept.iter().filter(|frame| !frame.markers.is_empty()).cloned().collect();
         let job = FitJob { frames, target: self.target.clone(), size, unit_mm: self.unit_mm };
-        (job.frames.len() >= FEWEST_FRAMES).then_some(job)
+        (job.frames.len() >= FIRST_FIT).then_some(job)
     }
 
     /// Takes over a fit.

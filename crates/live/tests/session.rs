@@ -116,6 +116,12 @@ fn the_last_frame_can_be_taken_back() {
     assert!(!folder.path().join(format!("depth/{last}.png")).exists());
     let table = fs::read_to_string(folder.path().join("frames.csv")).unwrap();
     assert!(!table.contains(&last), "{table}");
+    // The frame that is shown can be kept after all.
+    session.take_back();
+    session.see(all[0].clone()).unwrap();
+    let again = session.capture().unwrap();
+    assert_eq!((session.capture(), session.take_back()), (None, Some(again.clone())));
+    assert_eq!(session.capture(), Some(again));
     while session.take_back().is_some() {}
     assert!(session.kept().is_empty() && session.fit_job().is_none());
     session.see(all[0].clone()).unwrap();
