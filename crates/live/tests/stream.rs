@@ -81,3 +81,36 @@ fn headers_that_mean_nothing_are_named() {
     let message = complaint(&[b'{'; 10_000]);
     assert!(message.contains("longer than 4096"), "{message}");
 }
+
+/// Frames with bytes changed, removed and added at random end in frames or errors, and take no more memory than was sent: a
+/// header may claim 64 million pixels.
+#[test]
+fn any_bytes_are_frames_or_errors() {
+    let whole =
+        framed(r#"{"width":3,"height":2,"format":"gray8","depth":"f32","unit_mm":1,"timestamp_s":0}"#, &[9; 30]);
+    let mut state = 7_u64;
+    let mut random = |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    let (mut read, mut refused) = (0, 0);
+    for _ in 0..20_000 {
+        let mut bytes = whole.repeat(2);
+        for _ in 0..=random(4) {
+            let place = random(bytes.len());
+            match random(3) {
+                0 => bytes[place] = random(256) as u8,
+                1 => bytes.insert(place, b'0' + random(10) as u8),
+                _ => drop(bytes.remove(place)),
+            }
+        }
+        match frames(&bytes) {
+            Ok(frames) => read += frames.len(),
+            Err(LiveError::Stream { .. }) => refused += 1,
+            Err(other) => panic!("{other}"),
+        }
+    }
+    assert!(read > 1000 && refused > 10_000, "{read} {refused}");
+    let message = complaint(&framed(r#"{"width":8192,"height":8192,"format":"rgb8"}"#, &[0; 100]));
+    assert!(message.contains("after 100 of 201326592 bytes"), "{message}");
+}
