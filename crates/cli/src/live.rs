@@ -25,7 +25,7 @@ const PARTS: usize = 3;
 /// Fewest frames for it.
 const FEWEST: usize = 6;
 
-/// Guides a capture while the board is in your hands: a page shows the picture, the pose that is wanted next, and when it is enough.
+/// Guides a capture while the board is in your hands: a page shows the picture, the wanted pose, and when it is enough.
 ///
 /// Frames that show the board sharply, at rest and in another place are kept as a dataset in --out, each at once; a session that
 /// was killed goes on with them. Space captures, z takes back. At the end the dataset is calibrated, with the results in

@@ -82,7 +82,7 @@ impl Select {
             ..NextRequest::default()
         };
         let request = SelectRequest { goal, frames: self.frames as usize, held_out: self.held_out };
-        let selected = request.select(&fit.fitted)?;
+        let selected = request.select(&fit)?;
         print(&selected);
         let mut value = value(&selected);
         if let (Some(staged), Some(out)) = (staged, &self.out) {

@@ -98,7 +98,8 @@ impl Guide {
         alike.filter_map(|fit| BoardView::new(&self.camera, &self.target, &fit.camera_from_board)).collect()
     }
 
-    /// How far a board with these views is from the first wanted pose, in steps that are 1 where it just is there, and what brings it nearer.
+    /// How far a board with these views is from the first wanted pose, in steps of which one is just there, and the movement that
+    /// brings it nearer.
     pub(crate) fn distance_and_hint(&self, views: &[BoardView]) -> Option<(f64, &'static str)> {
         let wanted = self.wanted.front()?.view;
         let to_wanted = |view: &BoardView| (distance(view, &wanted, &self.camera), hint(view, &wanted, &self.camera));

@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use crate::arrival::Arrival;
 use crate::command::Command;
 use crate::fit::FitOutcome;
-use crate::source::Arrival;
 
 /// Most commands that wait; more are dropped, as from a key that is held down.
 const MOST_COMMANDS: usize = 16;

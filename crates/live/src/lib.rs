@@ -9,10 +9,12 @@
 //!
 //! Pixel centres have integer coordinates; mm; poses map board to camera.
 
+mod arrival;
 mod choice;
 mod command;
 mod error;
 mod fit;
+mod fitter;
 mod guide;
 mod inbox;
 mod page_state;
@@ -26,9 +28,11 @@ mod session;
 mod sharpness;
 mod source;
 
+pub use arrival::Arrival;
 pub use command::Command;
 pub use error::LiveError;
-pub use fit::{FitJob, FitOutcome, FitSummary, Fitter, LiveFit, LiveFitted, PlanSummary, fit};
+pub use fit::{FitJob, FitOutcome, FitSummary, LiveFit, LiveFitted, PlanSummary, fit};
+pub use fitter::Fitter;
 pub use inbox::{Event, Inbox, SourceEnd};
 pub use page_state::{BoardSeen, KeptDot, PageState, Wanted};
 pub use published::Published;
@@ -37,4 +41,4 @@ pub use run::{Ended, LiveOptions, run};
 pub use server::{Access, Limits, Server};
 pub use session::{Seen, Session};
 pub use sharpness::edge_width_px;
-pub use source::{Arrival, Source, read_frame, spawn};
+pub use source::{Source, read_frame, spawn};

@@ -31,7 +31,7 @@ pub struct PageState {
     pub is_fitting: bool,
     /// Number of frames that were kept or taken back, for the sound.
     pub events: u64,
-    /// What happened last, in words.
+    /// The last thing that happened, in words.
     pub message: String,
     /// How the source ended; absent while it runs.
     pub source_ended: Option<String>,

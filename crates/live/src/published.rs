@@ -3,9 +3,9 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use crate::arrival::Arrival;
 use crate::page_state::PageState;
 use crate::picture::png_of;
-use crate::source::Arrival;
 
 #[derive(Debug, Default)]
 struct Latest {

@@ -11,8 +11,8 @@ use depthcal_io::{
 };
 use depthcal_model::Target;
 
+use crate::arrival::Arrival;
 use crate::error::LiveError;
-use crate::source::Arrival;
 
 /// Name of the table of frames.
 const TABLE: &str = "frames.csv";

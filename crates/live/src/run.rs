@@ -10,14 +10,15 @@ use tracing::info;
 
 use crate::command::Command;
 use crate::error::LiveError;
-use crate::fit::{Fitter, LiveFit};
+use crate::fit::LiveFit;
+use crate::fitter::Fitter;
 use crate::inbox::{Event, Inbox};
 use crate::published::Published;
 use crate::server::{Access, Limits, Server};
 use crate::session::Session;
 use crate::source::{Source, spawn};
 
-/// What a live session is given.
+/// Options of a live session.
 #[derive(Debug, Clone)]
 pub struct LiveOptions {
     /// The board.

@@ -9,6 +9,7 @@ use depthcal_io::{GrayImage, MarkerObservation};
 use depthcal_model::{Pattern, Target};
 use rayon::prelude::*;
 
+use crate::arrival::Arrival;
 use crate::choice::{Judge, Judgement, differ};
 use crate::error::LiveError;
 use crate::fit::{FitJob, FitOutcome, FitSummary, KeptFrame};
@@ -16,7 +17,6 @@ use crate::guide::Guide;
 use crate::page_state::{BoardSeen, KeptDot, PageState, Wanted};
 use crate::recorder::Recorder;
 use crate::sharpness::edge_width_px;
-use crate::source::Arrival;
 
 /// Columns and rows of the grid over the image in which markers are counted.
 const GRID: [usize; 2] = [8, 6];
@@ -25,7 +25,7 @@ const FIRST_FIT: usize = 5;
 /// Most frames that are kept: depth images of all of them are in memory.
 const MOST_KEPT: usize = 300;
 
-/// What became of a frame.
+/// The outcome of a look at a frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Seen {
     /// Number of markers that were found.
@@ -98,8 +98,8 @@ impl Session {
             events: 0,
             message: String::new(),
         };
-        let found: Vec<_> = earlier.par_iter().map(|arrival| session.markers_in(&arrival.image)).collect();
-        for (arrival, markers) in earlier.into_iter().zip(found) {
+        let markers_of_frames: Vec<_> = earlier.par_iter().map(|arrival| session.markers_in(&arrival.image)).collect();
+        for (arrival, markers) in earlier.into_iter().zip(markers_of_frames) {
             session.begin_with(&arrival);
             session.kept.push(KeptFrame {
                 name: arrival.name,
@@ -157,11 +157,11 @@ impl Session {
         let judgement = self.judge.judge(&markers, width, self.diagonal(), arrival.is_video);
         let views = self.guide.as_ref().map(|guide| guide.views(&markers)).unwrap_or_default();
         let is_wanted = self.is_worth_keeping(&markers, judgement, &views, arrival.is_video);
-        let found = markers.len();
+        let count = markers.len();
         self.pictures += 1;
         self.shown = Some(Shown { arrival: Arc::new(arrival), markers, judgement, views, kept_as: None });
-        let kept = if is_wanted { self.keep() } else { None };
-        Ok(Seen { markers: found, kept })
+        let name = if is_wanted { self.keep() } else { None };
+        Ok(Seen { markers: count, kept: name })
     }
 
     /// Once poses are planned, a video keeps the planned ones alone: the frames on the way there are worth less.

@@ -1,4 +1,4 @@
-//! What clients get, and what those get that mean no good.
+//! Answers to clients, and to those that mean no good.
 
 use std::io::{Read, Write};
 use std::net::{IpAddr, Ipv4Addr, TcpListener, TcpStream};

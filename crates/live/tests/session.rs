@@ -20,7 +20,7 @@ fn frames(folder: &Path) -> Vec<String> {
     camera.frames.iter().map(|frame| frame.name.clone()).collect()
 }
 
-/// The same view several times, as a video has it of a board at rest.
+/// A view several times, as a video has it of a board at rest.
 fn at_rest(arrival: &Arrival) -> Vec<Arrival> {
     vec![arrival.clone(); 4]
 }
@@ -29,19 +29,19 @@ fn at_rest(arrival: &Arrival) -> Vec<Arrival> {
 fn different_frames_with_a_board_are_kept_and_can_be_calibrated() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = open(folder.path());
-    let (mut kept, mut with_board) = (0, 0);
+    let (mut count, mut with_board) = (0, 0);
     for arrival in arrivals(false) {
         let again = arrival.clone();
         let seen = session.see(arrival).unwrap();
         with_board += usize::from(seen.markers > 0);
-        kept += usize::from(seen.kept.is_some());
+        count += usize::from(seen.kept.is_some());
         assert_eq!(session.see(again).unwrap().kept, None, "it is kept already, or was not worth it");
     }
-    assert!(kept >= 8 && kept <= with_board, "{kept} of {with_board}");
+    assert!(count >= 8 && count <= with_board, "{count} of {with_board}");
     assert_eq!(session.kept(), frames(folder.path()));
     // Every value of the files is that of the frame.
     let loaded = load(folder.path(), &LoadOptions::default()).unwrap();
-    assert_eq!(loaded.cameras[0].capture.frames.len(), kept);
+    assert_eq!(loaded.cameras[0].capture.frames.len(), count);
     let outcome = fit(session.fit_job().unwrap(), &live_fit());
     let fitted = outcome.result.clone().unwrap();
     let focal = fitted.camera.pinhole()[0];
@@ -56,7 +56,7 @@ fn different_frames_with_a_board_are_kept_and_can_be_calibrated() {
     session.fitted(outcome);
     let state = session.page_state();
     assert!(
-        state.wanted.unwrap().outline.len() >= 30 && state.kept.len() == kept && state.cells.iter().sum::<u32>() > 100
+        state.wanted.unwrap().outline.len() >= 30 && state.kept.len() == count && state.cells.iter().sum::<u32>() > 100
     );
 }
 
@@ -137,9 +137,9 @@ fn of_a_video_only_frames_at_rest_are_kept_and_any_by_the_key() {
         assert_eq!(session.see(arrival).unwrap().kept, None, "the board jumps from frame to frame");
     }
     assert!(session.capture().is_some() || session.page_state().board.is_none());
-    let kept: Vec<bool> =
+    let is_kept: Vec<bool> =
         at_rest(&all[3]).into_iter().map(|frame| session.see(frame).unwrap().kept.is_some()).collect();
-    assert_eq!(kept, [false, false, false, true]);
+    assert_eq!(is_kept, [false, false, false, true]);
     assert_eq!(session.capture(), None, "it is kept already");
     assert!(session.page_state().message.contains("already"));
 }
@@ -168,9 +168,9 @@ fn after_a_fit_a_video_keeps_the_wanted_pose_alone() {
         assert_eq!(session.see(frame).unwrap().kept, None, "another pose is wanted");
     }
     assert!(!session.page_state().wanted.unwrap().is_reached);
-    let kept: Vec<bool> =
+    let is_kept: Vec<bool> =
         at_rest(&video(10)).into_iter().map(|frame| session.see(frame).unwrap().kept.is_some()).collect();
-    assert_eq!(kept, [false, false, false, true]);
+    assert_eq!(is_kept, [false, false, false, true]);
     assert_eq!(session.page_state().wanted, None);
     // No pose is left: whatever differs is kept again.
     assert!(at_rest(&video(11)).into_iter().any(|frame| session.see(frame).unwrap().kept.is_some()));

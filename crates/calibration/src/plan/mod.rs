@@ -21,5 +21,5 @@ pub use goal::{Goal, GoalError};
 pub use planner::{Plan, PlanError, Planned, Planner};
 pub use pose::{BoardTilt, ImagePlace, ProposedFrame};
 pub use predicted::{pose_showing, predicted_frame};
-pub use selection::{HeldOutViews, SelectedFrame, Selection, hold_out_views};
+pub use selection::{ChosenFrames, HeldOutViews, SelectedFrame, Selection, hold_out_views};
 pub use view::BoardView;

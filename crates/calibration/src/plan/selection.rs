@@ -69,44 +69,53 @@ pub fn hold_out_views(camera: &Camera, target: &Target, poses: &[Isometry3<f64>]
     };
     let mut like: Vec<[usize; 2]> = by_distance.iter().filter(|(i, _)| !is_held(i)).filter_map(alike).collect();
     let mut held_out: Vec<usize> = held.iter().map(|(i, _)| *i).collect();
-    (held_out.sort_unstable(), like.sort_unstable());
+    held_out.sort_unstable();
+    like.sort_unstable();
     HeldOutViews { held_out, like }
 }
 
+/// Frames chosen among others, as places in a list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChosenFrames {
+    /// The frames in the order in which they were chosen, with the root mean square of the goal's error expected with each
+    /// and those before it.
+    pub chosen: Vec<(usize, f64)>,
+    /// Frames that were not chosen and would lower it by less than 0.2 % each.
+    pub adds_nothing: Vec<usize>,
+    /// Root mean square of the goal's error that is expected with all of them.
+    pub of_all: f64,
+}
+
 impl Planner {
-    /// Chooses `count` of the fitted frames, given by their places, one after another, each the one that lowers the goal most.
-    /// Returns them with the expected errors, those of the other frames that add nothing, and the error expected of all.
+    /// Chooses `count` of the fitted frames, given by their places and the share to which their information counts, one after
+    /// another, each the one that lowers the goal most.
     ///
     /// # Errors
     ///
     /// [`PlanError::Goal`].
-    pub fn choose(
-        &self,
-        goal: &Goal,
-        candidates: &[usize],
-        count: usize,
-    ) -> Result<(Vec<(usize, f64)>, Vec<usize>, f64), PlanError> {
+    pub fn choose(&self, goal: &Goal, candidates: &[(usize, f64)], count: usize) -> Result<ChosenFrames, PlanError> {
         let (weight, scale) = self.weight_and_scale(goal)?;
         let n = weight.nrows();
         let error =
             |precision: &DMatrix<f64>| inverse(precision.clone()).map(|c| Error::of(&(c * scale), &weight).mean_square);
         let mut precision = DMatrix::identity(n, n) * BEFORE;
-        let all = candidates.iter().fold(precision.clone(), |sum, i| sum + &self.frames[*i]);
+        let of_frame = |(place, share): &(usize, f64)| &self.frames[*place] * *share;
+        let all = candidates.iter().fold(precision.clone(), |sum, frame| sum + of_frame(frame));
         let of_all = error(&all).map_or(f64::NAN, f64::sqrt);
         let (mut left, mut chosen) = (candidates.to_vec(), Vec::new());
         while chosen.len() < count {
-            let with = |(place, i): (usize, &usize)| Some((place, error(&(&precision + &self.frames[*i]))?));
+            let with = |(place, frame): (usize, &(usize, f64))| Some((place, error(&(&precision + of_frame(frame)))?));
             let best = left.iter().enumerate().filter_map(with).min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
             let Some((place, mean_square)) = best else { break };
             let frame = left.remove(place);
-            precision += &self.frames[frame];
-            chosen.push((frame, mean_square.sqrt()));
+            precision += of_frame(&frame);
+            chosen.push((frame.0, mean_square.sqrt()));
         }
         let now = error(&precision).unwrap_or(f64::INFINITY);
-        let adds_nothing = |i: &&usize| {
-            error(&(&precision + &self.frames[**i])).is_some_and(|with| 1.0 - (with / now).sqrt() < WORTHWHILE)
+        let adds_nothing = |frame: &&(usize, f64)| {
+            error(&(&precision + of_frame(frame))).is_some_and(|with| 1.0 - (with / now).sqrt() < WORTHWHILE)
         };
-        let idle = left.iter().filter(adds_nothing).copied().collect();
-        Ok((chosen, idle, of_all))
+        let adds_nothing = left.iter().filter(adds_nothing).map(|(place, _)| *place).collect();
+        Ok(ChosenFrames { chosen, adds_nothing, of_all })
     }
 }

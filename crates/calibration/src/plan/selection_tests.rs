@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::{Planner, hold_out_views, pose_showing};
+use super::{ChosenFrames, Planner, hold_out_views, pose_showing};
 use crate::adjust::state::{CameraState, State};
 use crate::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use crate::observe::Capture;
@@ -39,14 +39,20 @@ fn chosen_frames_are_worth_more_than_random_ones() {
     let planner = planner(&fit);
     let goal = planner.default_goal();
     let all: Vec<usize> = (0..n).collect();
-    let expected = |frames: &[usize]| planner.choose(&goal, frames, frames.len()).unwrap().2;
-    let (chosen, idle, of_all) = planner.choose(&goal, &all, 6).unwrap();
+    let whole = |frames: &[usize]| frames.iter().map(|frame| (*frame, 1.0)).collect::<Vec<_>>();
+    let expected = |frames: &[usize]| planner.choose(&goal, &whole(frames), frames.len()).unwrap().of_all;
+    let ChosenFrames { chosen, adds_nothing, of_all } = planner.choose(&goal, &whole(&all), 6).unwrap();
     // What is known before the first frame is 10⁻⁴ of what all frames say.
     let now = planner.plan(&goal, 0.0, 1).unwrap().now;
     assert!((of_all / now - 1.0).abs() < 0.01, "{of_all} {now}");
     assert!(chosen.windows(2).all(|pair| pair[1].1 < pair[0].1), "{chosen:?}");
     let best: Vec<usize> = chosen.iter().map(|(frame, _)| *frame).collect();
     assert!((expected(&best) / chosen[5].1 - 1.0).abs() < 1e-9);
+    // A frame that hardly counts is not chosen.
+    let mut doubtful = whole(&all);
+    doubtful[best[0]].1 = 1e-3;
+    let without = planner.choose(&goal, &doubtful, 6).unwrap().chosen;
+    assert!(without.iter().all(|(frame, _)| *frame != best[0]), "{without:?} {best:?}");
     let mut generator = ChaCha8Rng::seed_from_u64(1);
     let mut random: Vec<f64> = (0..200)
         .map(|_| {
@@ -60,7 +66,7 @@ fn chosen_frames_are_worth_more_than_random_ones() {
     assert!(chosen[5].1 < random[10] && chosen[5].1 < 0.9 * random[100], "{} {:?}", chosen[5].1, &random[..20]);
     for frame in all.iter().filter(|frame| !best.contains(frame)) {
         let gain = 1.0 - expected(&[&best[..], &[*frame]].concat()) / chosen[5].1;
-        assert_eq!(idle.contains(frame), gain < 0.002, "{frame}: {gain}");
+        assert_eq!(adds_nothing.contains(frame), gain < 0.002, "{frame}: {gain}");
     }
 }
 
@@ -71,8 +77,8 @@ fn a_fit_to_the_chosen_half_is_the_more_certain_one() {
     let fit = fitted(&capture);
     let planner_of_all = planner(&fit);
     let goal = planner_of_all.default_goal();
-    let all: Vec<usize> = (0..fit.capture.frames.len()).collect();
-    let (chosen, ..) = planner_of_all.choose(&goal, &all, all.len() / 2).unwrap();
+    let all: Vec<(usize, f64)> = (0..fit.capture.frames.len()).map(|frame| (frame, 1.0)).collect();
+    let chosen = planner_of_all.choose(&goal, &all, all.len() / 2).unwrap().chosen;
     let names: Vec<&str> = chosen.iter().map(|(frame, _)| fit.capture.frames[*frame].name.as_str()).collect();
     let now = |is_chosen: bool| {
         let half = capture.subset(|_, frame| names.contains(&frame.name.as_str()) == is_chosen);

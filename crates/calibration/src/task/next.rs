@@ -100,7 +100,7 @@ impl NextRequest {
 }
 
 /// Standard deviation of a depth pixel's noise at a distance, mm.
-fn depth_noise_mm(noise: &NoiseModel, distance_mm: f64) -> f64 {
+pub(super) fn depth_noise_mm(noise: &NoiseModel, distance_mm: f64) -> f64 {
     noise.depth.sigma(1.0 / distance_mm) * distance_mm.powi(2)
 }
 

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::net::TcpStream;
 use std::time::Instant;
 
-use super::Limits;
+use super::limits::Limits;
 
 /// Most headers.
 const MOST_HEADERS: usize = 64;

@@ -11,7 +11,7 @@ use depthcal_io::{
 };
 use tracing::warn;
 
-use super::Arrival;
+use crate::arrival::Arrival;
 use crate::error::LiveError;
 use crate::inbox::{Inbox, SourceEnd};
 
@@ -28,7 +28,7 @@ struct Listed {
     metadata: FrameMetadata,
 }
 
-/// What is known of a frame that was listed.
+/// The progress of a frame that was listed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Known {
     /// The bytes of its files at the last look, and the number of looks since it could not be read.

@@ -5,7 +5,7 @@ use std::io::{BufRead, Read};
 use depthcal_io::{DepthFrame, DepthValues, FrameMetadata, GrayImage};
 use serde::Deserialize;
 
-use super::Arrival;
+use crate::arrival::Arrival;
 use crate::error::LiveError;
 
 /// Most bytes of a line of JSON.
