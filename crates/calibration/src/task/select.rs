@@ -68,9 +68,9 @@ impl SelectRequest {
     }
 }
 
-/// The share to which each frame's information counts: less where it deviates more from the fit than the median frame does, by the
-/// square of the ratio, as the variance of its errors is larger. Depth is compared in units of the noise at its distance; frames
-/// without depth by their markers.
+/// The share to which each frame's information counts: less where it deviates more from the fit than the median frame does, by
+/// the square of the ratio, as the variance of its errors is larger. Depth is compared in units of the noise at its distance,
+/// frames without depth by their markers.
 fn shares(camera: &CameraState, state: &State, evaluated: Option<&Evaluated>) -> Vec<f64> {
     let deviation = |name: &str| {
         let frame = evaluated?.frames.iter().find(|frame| frame.name == name)?;
