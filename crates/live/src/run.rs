@@ -3,6 +3,8 @@
 use std::net::{IpAddr, Ipv4Addr, TcpListener, UdpSocket};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
 
 use depthcal_detect::DetectOptions;
 use depthcal_model::Target;
@@ -17,6 +19,10 @@ use crate::published::Published;
 use crate::server::{Access, Limits, Server};
 use crate::session::Session;
 use crate::source::{Source, spawn};
+
+/// Time after the end in which pages still get to know of it: one that has just asked asks again at once, one that was refused
+/// after half a second.
+const LAST_WORDS: Duration = Duration::from_millis(800);
 
 /// Options of a live session.
 #[derive(Debug, Clone)]
@@ -103,6 +109,7 @@ pub fn run(options: LiveOptions, source: Source, tell: impl FnOnce(&str)) -> Res
     let mut state = session.page_state();
     (state.is_over, state.source_ended) = (true, source_ended);
     published.publish(state, session.shown());
+    thread::sleep(LAST_WORDS);
     server.stop();
     Ok(Ended { folder: session.folder().to_owned(), kept: session.kept(), problem })
 }
