@@ -131,7 +131,7 @@ fn folders_may_be_left_out() {
     let corrected = support::run_with_input(["apply", &folder.arg("result"), "-"], &bytes);
     assert!(corrected.status.success(), "{}", stderr(&corrected));
     assert_eq!(corrected.stdout.len(), bytes.len());
-    for command in ["calibrate", "diagnose", "compare", "evaluate", "diff", "fleet", "import", "board"] {
+    for command in ["calibrate", "diagnose", "compare", "evaluate", "diff", "fleet", "import", "live", "board"] {
         let help = stdout(&succeeds([command, "--help"]));
         let words = help.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(words.contains(&format!("[default: depthcal-out/{command}")), "{help}");

@@ -23,6 +23,7 @@ use super::formula::Formula;
 use super::man::ManPage;
 use super::next::Next;
 use super::schema::Schema;
+use super::select::Select;
 use super::session::Session;
 use super::simulate::Simulate;
 
@@ -47,7 +48,7 @@ pub(super) struct Arguments {
 }
 
 /// Commands whose results go into a folder, and that folder where none is given.
-const FOLDERS: [(&str, &str); 9] = [
+const FOLDERS: [(&str, &str); 10] = [
     ("calibrate", "depthcal-out/calibrate"),
     ("diagnose", "depthcal-out/diagnose"),
     ("evaluate", "depthcal-out/evaluate"),
@@ -57,6 +58,7 @@ const FOLDERS: [(&str, &str); 9] = [
     ("simulate", "depthcal-out/simulate"),
     ("board", "depthcal-out/board/board.pdf"),
     ("import", "depthcal-out/import"),
+    ("live", "depthcal-out/live"),
 ];
 
 impl Arguments {
@@ -86,6 +88,7 @@ From captures to corrected depth:
   depthcal calibrate captures/ --cross-validate 3 --out result/
   depthcal diagnose captures/ --out result/        which effects does the model lack? adds them
   depthcal next captures/                          which captures to add, and how many are enough
+  depthcal live frames/ --board board.toml         … while the board is in your hands, on a page in the browser
   depthcal evaluate result/calibration.json other-captures/ --out check/
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud
 Every command writes its JSON file and, where it measures errors, report.html into --out (default: depthcal-out/COMMAND); open the
@@ -110,6 +113,9 @@ pub(super) enum Command {
     Evaluate(Evaluate),
     Compare(Compare),
     Next(Next),
+    Select(Select),
+    #[cfg(feature = "live")]
+    Live(super::live::Live),
     Diff(Diff),
     Fleet(Fleet),
     Apply(Apply),
@@ -135,6 +141,9 @@ impl Command {
             Command::Evaluate(_) => "evaluate",
             Command::Compare(_) => "compare",
             Command::Next(_) => "next",
+            Command::Select(_) => "select",
+            #[cfg(feature = "live")]
+            Command::Live(_) => "live",
             Command::Diff(_) => "diff",
             Command::Fleet(_) => "fleet",
             Command::Apply(_) => "apply",
@@ -171,7 +180,10 @@ impl Command {
             Command::Calibrate(command) => command.load_formulas(register),
             Command::Diagnose(command) => command.load_formulas(register),
             Command::Compare(command) => command.load_formulas(register),
-            Command::Next(command) => command.load_formulas(register),
+            Command::Next(command) => command.model.load_formulas(register),
+            Command::Select(command) => command.model.load_formulas(register),
+            #[cfg(feature = "live")]
+            Command::Live(command) => command.model.load_formulas(register),
             Command::Evaluate(command) => command.load_formulas(register),
             _ => Ok(()),
         }
@@ -186,6 +198,9 @@ impl Command {
             Command::Evaluate(command) => command.run(session),
             Command::Compare(command) => command.run(session),
             Command::Next(command) => command.run(session),
+            Command::Select(command) => command.run(session),
+            #[cfg(feature = "live")]
+            Command::Live(command) => command.run(session),
             Command::Diff(command) => command.run(session),
             Command::Fleet(command) => command.run(session),
             Command::Apply(command) => command.run(session),

@@ -17,12 +17,15 @@ use super::session::Session;
 use super::transfers::print_transfers;
 use super::voice::say;
 use crate::progress::Progress;
-use depthcal_calibration::calibrate::{CameraFit, Estimator};
+use depthcal_calibration::calibrate::{CalibratedCamera, CameraFit, Estimator};
 use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::observe::Capture;
-use depthcal_calibration::task::{Fit, FitRequest, GivenPrior, HoldOut, ModelRequest, OptionNames};
-use depthcal_report::fit_sentences;
+use depthcal_calibration::task::{Fit, FitRequest, GivenPrior, HoldOut, ModelRequest, NextRequest, OptionNames};
 use depthcal_report::format::{number, quantity};
+use depthcal_report::{fit_sentences, next_sentence};
+
+/// Most free parameters of a camera for which the next capture is told.
+const MOST_PLANNED: usize = 40;
 
 fn parse_hold_out(text: &str) -> Result<HoldOut, String> {
     let (every, first) = text.split_once(':').unwrap_or((text, "1"));
@@ -177,6 +180,7 @@ impl Calibrate {
         }
         say!("\n{}", fit.table());
         print_transfers(&fit.evaluation.transfer);
+        print_next(&fit);
         let out = &self.output.out;
         let recording = save(&fit, &made(session), out, session, || self.record(&fit))?;
         let [written, report] = ["calibration.json", "report.html"].map(|name| out.join(name));
@@ -226,6 +230,18 @@ fn print_fit(fit: &Fit) {
     for CameraFit { name, calibrated, .. } in cameras {
         let whose = if cameras.len() > 1 { format!("{name}: ") } else { String::new() };
         fit_sentences(calibrated).iter().for_each(|sentence| say!("{whose}{sentence}"));
+    }
+}
+
+/// Prints which capture would help most. Of rigs and of models of many parameters, whose plans take long, `next` tells.
+fn print_next(fit: &Fit) {
+    let is_small = |calibrated: &CalibratedCamera| calibrated.camera.free_parameters().len() <= MOST_PLANNED;
+    if fit.fitted.only_camera().is_some_and(is_small) {
+        let request = NextRequest { poses: 1, ..NextRequest::default() };
+        // Fits without a covariance cannot be planned for.
+        if let Ok(next) = request.next(&fit.fitted) {
+            say!("{}", next_sentence(&next));
+        }
     }
 }
 

@@ -67,6 +67,7 @@ fn every_command_line_of_the_documents_is_understood() {
             let words = words(&command);
             let known = match words[0].as_str() {
                 "import" => cfg!(feature = "import"),
+                "live" => cfg!(feature = "live"),
                 _ => cfg!(feature = "rerun") || !words.iter().any(|word| word == "--rrd"),
             };
             if !known {

@@ -1,15 +1,14 @@
 //! `import`: recordings as datasets.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use depthcal_import::{ImportOptions, Imported};
-use depthcal_io::{DATASET_FILE, DatasetFile, StagedDataset};
-use depthcal_model::Target;
+use depthcal_io::{DATASET_FILE, StagedDataset};
 use depthcal_report::format::count;
 use serde_json::{Value, json};
 
+use super::board_file::read_board;
 use super::failure::{Failure, input};
 use super::progress::Progress;
 use super::session::Session;
@@ -128,14 +127,4 @@ impl Import {
         }
         say!("written: {}", self.out.display());
     }
-}
-
-/// The section `[board]` of a file that may have nothing else.
-fn read_board(path: &Path) -> Result<Target, Failure> {
-    let mut text = fs::read_to_string(path)
-        .map_err(|error| Failure::Input(format!("{}: cannot read: {error}", path.display())))?;
-    if !text.lines().any(|line| line.trim() == "[frames]") {
-        text.push_str("\n[frames]\nimage = \"*\"\n");
-    }
-    Ok(DatasetFile::parse(path, &text).map_err(input)?.board)
 }

@@ -22,6 +22,8 @@
 mod apply;
 mod arguments;
 mod board;
+#[cfg(any(feature = "import", feature = "live"))]
+mod board_file;
 mod calibrate;
 mod common;
 mod compare;
@@ -41,8 +43,11 @@ mod formula;
 mod formula_files;
 #[cfg(feature = "import")]
 mod import;
+#[cfg(feature = "live")]
+mod live;
 mod log_writer;
 mod man;
+mod model_options;
 mod next;
 mod next_command;
 mod parameters;
@@ -51,6 +56,7 @@ mod recording;
 mod results;
 mod run;
 mod schema;
+mod select;
 mod session;
 mod simulate;
 mod stage_table;

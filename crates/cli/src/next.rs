@@ -3,18 +3,16 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use depthcal_calibration::calibrate::{CameraFit, Estimator};
-use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::task::{Fit, FitRequest, ModelRequest, NextCaptures, NextRequest, OptionNames};
+use depthcal_calibration::calibrate::CameraFit;
+use depthcal_calibration::task::{Fit, NextCaptures, NextRequest};
 use depthcal_io::write_atomically;
-use depthcal_model::Register;
-use depthcal_report::board_views;
 use depthcal_report::format::{count, quantity};
-use serde_json::{Value, json};
+use depthcal_report::{board_views, goal_words, next_value};
+use serde_json::Value;
 
 use super::common::{Reading, camera_count};
 use super::failure::{Failure, input};
-use super::formula_files;
+use super::model_options::ModelOptions;
 use super::progress::Progress;
 use super::session::Session;
 use super::voice::say;
@@ -53,20 +51,13 @@ pub(super) struct Next {
     /// Draws the boards in the camera's view into this file.
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Depth model, as for `calibrate`.
-    #[arg(long, default_value = "projective")]
-    model: String,
-    /// Further effects, as for `calibrate`.
-    #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
-    with: Vec<String>,
-    /// Lens model, as for `calibrate`.
-    #[arg(long)]
-    lens: Option<String>,
+    #[command(flatten)]
+    pub(super) model: ModelOptions,
     #[command(flatten)]
     reading: Reading,
 }
 
-fn parse_range(text: &str) -> Result<[f64; 2], String> {
+pub(super) fn parse_range(text: &str) -> Result<[f64; 2], String> {
     let ends: Vec<f64> = text.split(',').filter_map(|end| end.trim().parse().ok()).collect();
     match ends[..] {
         [near, far] if near > 0.0 && far > near && far.is_finite() => Ok([near, far]),
@@ -75,31 +66,11 @@ fn parse_range(text: &str) -> Result<[f64; 2], String> {
 }
 
 impl Next {
-    /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
-    pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
-        self.model = formula_files::resolve_model("--model", &self.model, register)?;
-        self.with = formula_files::resolve("--with", &self.with, register)?;
-        self.lens = formula_files::resolve_lens("--lens", self.lens.as_deref(), register)?;
-        Ok(())
-    }
-
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         if let Some(within) = self.within.filter(|within| !(within.is_finite() && *within > 0.0)) {
             return Err(Failure::Input(format!("--within is {within}: give an error above 0, such as 1")));
         }
-        let request = FitRequest {
-            model: ModelRequest {
-                names: OptionNames::COMMAND_LINE,
-                model: self.model.clone(),
-                with: self.with.clone(),
-                lens: self.lens.clone(),
-            },
-            estimator: Estimator::Joint,
-            hold_out: None,
-            cross_validate: None,
-            parts: Parts::Interleaved,
-            priors: Vec::new(),
-        };
+        let request = self.model.request();
         camera_count(&self.dataset, |cameras| request.check(cameras, &session.register))?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let busy = Progress::busy("fitting");
@@ -119,25 +90,7 @@ impl Next {
             write_atomically(path, |writer| writer.write_all(svg.as_bytes())).map_err(input)?;
             say!("written: {}", path.display());
         }
-        Ok(value(&next))
-    }
-}
-
-/// The subject of the goal, in words.
-fn about(next: &NextCaptures) -> String {
-    use depthcal_calibration::plan::Goal;
-    match &next.goal {
-        Goal::Depth { range_mm: [near, far] } => {
-            format!(
-                "error of corrected depth from {} to {}, rms over the image",
-                quantity(*near, "mm"),
-                quantity(*far, "mm")
-            )
-        }
-        Goal::Projection { distance_mm } => {
-            format!("error of projection at {}, rms over the image", quantity(*distance_mm, "mm"))
-        }
-        Goal::Parameter(name) => format!("error of {name}"),
+        Ok(next_value(&next))
     }
 }
 
@@ -146,7 +99,7 @@ fn print(next: &NextCaptures, is_rig: bool) {
     let of_camera = if is_rig { format!("{}: ", next.camera) } else { String::new() };
     say!(
         "{of_camera}{}: {} expected now, below {} with 95 % certainty",
-        about(next),
+        goal_words(&next.goal),
         quantity(plan.now, unit),
         quantity(plan.now_certain, unit)
     );
@@ -179,31 +132,4 @@ fn drawing(fit: &Fit, next: &NextCaptures) -> String {
     let boards: Vec<_> =
         next.plan.poses.iter().map(|p| (camera_from_rig * p.rig_from_board, p.frame.words())).collect();
     board_views(&calibrated.camera, &calibrated.capture.target, &boards)
-}
-
-fn value(next: &NextCaptures) -> Value {
-    let pose = |planned: &depthcal_calibration::plan::Planned| {
-        let (q, t) = (planned.rig_from_board.rotation.quaternion(), planned.rig_from_board.translation.vector);
-        json!({
-            "words": planned.frame.words(),
-            "distance_mm": planned.frame.distance_mm,
-            "turned_deg": planned.frame.tilt.angles_deg(),
-            "rotation": [q.w, q.i, q.j, q.k],
-            "translation_mm": [t.x, t.y, t.z],
-            "expected": planned.expected,
-        })
-    };
-    let plan = &next.plan;
-    json!({
-        "camera": next.camera,
-        "goal": about(next),
-        "unit": next.unit,
-        "now": plan.now,
-        "now_95": plan.now_certain,
-        "within": next.target,
-        "frames_needed": plan.frames_needed,
-        "reachable_95": plan.reachable,
-        "pixel_noise_mm": next.noise_mm,
-        "capture_next": plan.poses.iter().map(pose).collect::<Vec<_>>(),
-    })
 }

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::task::{Fit as Fitted, FitRequest, GivenPrior, Made};
-use depthcal_report::prior_sentences;
+use depthcal_calibration::task::{Fit as Fitted, FitRequest, GivenPrior, Made, NextRequest};
+use depthcal_report::{next_value, prior_sentences};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -81,6 +81,32 @@ impl Fit {
     /// Changes by the prior of a fleet, in sentences.
     fn prior_sentences(&self) -> Vec<String> {
         prior_sentences(&self.fit.fitted.reference().calibrated)
+    }
+
+    /// Captures to add as JSON, as `depthcal next --json` gives them.
+    #[pyo3(signature = (goal, range_mm, within, frames, camera))]
+    fn next_captures(
+        &self,
+        py: Python<'_>,
+        goal: String,
+        range_mm: Option<[f64; 2]>,
+        within: Option<f64>,
+        frames: usize,
+        camera: Option<String>,
+    ) -> PyResult<String> {
+        let is_range = |[near, far]: [f64; 2]| near > 0.0 && far > near && far.is_finite();
+        if range_mm.is_some_and(|range| !is_range(range)) {
+            return Err(input("range_mm is nearest and farthest distance in mm, such as (500, 4000)").into());
+        }
+        if within.is_some_and(|within| !(within.is_finite() && within > 0.0)) {
+            return Err(input("within is an error above 0, such as 1.0").into());
+        }
+        if !(1..=50).contains(&frames) {
+            return Err(input("frames is the number of poses: give 1 to 50").into());
+        }
+        let request = NextRequest { goal, range_mm, within, poses: frames, camera };
+        let next = run(py, None, |_| Ok(request.next(&self.fit.fitted)?))?;
+        json(&next_value(&next))
     }
 
     /// The errors as a table of text.

@@ -1,5 +1,7 @@
 """Datasets and calibrations: against the command line, the truth of the simulation, and each other."""
 
+import json
+
 import numpy as np
 import pytest
 from conftest import BOARD
@@ -46,6 +48,19 @@ def test_evaluation_equals_the_command_line_to_the_byte(cli, folder, dataset, fi
     depthcal.evaluate(calibration, depthcal.load(folder)).save(tmp_path / "python")
     name = "evaluation.json"
     assert (tmp_path / "python" / name).read_bytes() == (tmp_path / "cli" / name).read_bytes()
+
+
+def test_next_captures_are_those_of_the_command_line(cli, folder, dataset):
+    written = cli("next", folder, "--goal", "pinhole.fx", "--frames", 2, "--json")
+    fit = depthcal.calibrate(dataset)
+    captures = fit.next_captures("pinhole.fx", frames=2)
+    assert captures["unit"] == "px" and len(captures["capture_next"]) == 2
+    assert captures["now_95"] > captures["now"] > captures["capture_next"][1]["expected"] > 0
+    shown = json.loads(written.stdout)
+    assert {name: shown[name] for name in captures} == captures
+    for wrong in ({"range_mm": (500, 100)}, {"within": 0.0}, {"frames": 0}, {"goal": "pinhole.nothing"}):
+        with pytest.raises(depthcal.InputError):
+            fit.next_captures(**wrong)
 
 
 def test_arrays_give_the_same_fit_as_files(dataset, images, corners, fit):

@@ -20,13 +20,14 @@ const fn layer(package: &'static str, folder: &'static str) -> Layer {
 }
 
 /// From top to bottom: a crate may depend on those below it only.
-pub const LAYERS: [Layer; 19] = [
+pub const LAYERS: [Layer; 20] = [
     layer("depthcal-studies", "studies"),
     layer("depthcal-benches", "benches"),
     layer("depthcal-oracles", "crates/oracles"),
     layer("depthcal", ""),
     layer("depthcal-python", "crates/python"),
     layer("depthcal-cli", "crates/cli"),
+    layer("depthcal-live", "crates/live"),
     layer("depthcal-report", "crates/report"),
     layer("depthcal-fleet", "crates/fleet"),
     layer("depthcal-correction", "crates/correction"),

@@ -24,7 +24,7 @@ pub(super) struct Rounds {
     pub chooses_smoothness: bool,
     repairs: usize,
     planes: Vec<FramePlanes>,
-    /// Of every camera, whether its fields were flat in an earlier round, and were not left so.
+    /// Of every camera, whether its fields were flat in an earlier round, and held-out frames wanted them rough.
     left_flat: Vec<bool>,
 }
 
@@ -73,9 +73,9 @@ impl Rounds {
         (self.number, self.repairs) = (self.number - 1, self.repairs + 1);
     }
 
-    /// Whether fields that once were flat, and had to be left so on the evidence of held-out frames, would be flat again. While they
-    /// are flat, poses take up what they explain; with the right poses again, frames that the others do not determine may speak
-    /// for flat ones, and the choice would go round in a circle.
+    /// Whether fields that once were flat, and that held-out frames wanted rough then, would be flat again. While
+    /// they are flat, poses take up what they explain; with the right poses again, frames that the others do not determine may
+    /// speak for flat ones, and the choice would go round in a circle.
     pub fn is_flat_again(&mut self, camera: usize, present: &Smoothness, chosen: &Smoothness) -> bool {
         self.left_flat[camera] |= present.is_flat() && !chosen.is_flat();
         self.left_flat[camera] && chosen.is_flat()

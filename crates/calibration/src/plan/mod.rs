@@ -12,8 +12,14 @@ mod planner;
 mod planner_tests;
 mod pose;
 mod predicted;
+mod selection;
+#[cfg(test)]
+mod selection_tests;
+mod view;
 
 pub use goal::{Goal, GoalError};
 pub use planner::{Plan, PlanError, Planned, Planner};
 pub use pose::{BoardTilt, ImagePlace, ProposedFrame};
 pub use predicted::{pose_showing, predicted_frame};
+pub use selection::{ChosenFrames, HeldOutViews, SelectedFrame, Selection, hold_out_views};
+pub use view::BoardView;

@@ -83,7 +83,9 @@ pub struct Plan {
 pub struct Planner {
     /// Covariance of the fit, in units of standard deviations.
     covariance: DMatrix<f64>,
-    /// Information of the fitted frames, computed as that of the poses.
+    /// Information of the fitted frames in their order, computed as that of the poses.
+    pub(super) frames: Vec<DMatrix<f64>>,
+    /// Its sum.
     fitted: DMatrix<f64>,
     /// The grid of poses with their information.
     poses: Vec<(ProposedFrame, Isometry3<f64>, DMatrix<f64>)>,
@@ -124,7 +126,8 @@ impl Planner {
         let correlation = DMatrix::from_fn(n, n, |i, k| of_free[(i, k)] / (std_devs[i] * std_devs[k]));
         let information = adjustment.frame_information_weighted(Curvature::OfWeights, |frame| weights[frame]);
         let scaled = |m: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, k| m[(i, k)] * std_devs[i] * std_devs[k]);
-        let fitted = scaled(&information_of_fitted(state, &rows)?);
+        let frames: Vec<DMatrix<f64>> = information_of_fitted(state, &rows)?.iter().map(scaled).collect();
+        let fitted = frames.iter().fold(DMatrix::zeros(n, n), |sum, frame| sum + frame);
         let poses = candidates.into_iter().zip(information).map(|((f, p), i)| (f, p, scaled(&i.fitted.0))).collect();
         let blocks = state.parameter_rows().get(number).map_or(0..0, |rows| rows.blocks.clone());
         let places: Vec<usize> = (0..n).filter(|i| blocks.contains(&rows[*i])).collect();
@@ -133,6 +136,7 @@ impl Planner {
         let of_camera = (places, in_theta, of_places);
         Ok(Self {
             covariance: correlation,
+            frames,
             fitted,
             poses,
             of_camera,
@@ -147,12 +151,8 @@ impl Planner {
         Goal::Depth { range_mm: self.range_mm }
     }
 
-    /// The `count` poses that lower a goal most, one after another, and how many are needed until its error is at most `target`.
-    ///
-    /// # Errors
-    ///
-    /// [`PlanError::Goal`].
-    pub fn plan(&self, goal: &Goal, target: f64, count: usize) -> Result<Plan, PlanError> {
+    /// The goal's weight of all free parameters, and the variances that the fit has over those of its frames' information.
+    pub(super) fn weight_and_scale(&self, goal: &Goal) -> Result<(DMatrix<f64>, f64), PlanError> {
         let (places, in_theta, std_devs) = &self.of_camera;
         let of_camera = goal.weight(&self.camera, &self.conditions, (in_theta, std_devs))?;
         let n = self.fitted.nrows();
@@ -162,10 +162,20 @@ impl Planner {
                 weight[(*row, *column)] = of_camera[(i, k)];
             }
         }
-        let now = Error::of(&self.covariance, &weight);
         let of_fitted = inverse(self.fitted.clone()).ok_or(PlanError::Undetermined)?;
-        // What the fit says of itself over what the information of its frames says.
-        let scale = now.mean_square / Error::of(&of_fitted, &weight).mean_square;
+        let of_fit = Error::of(&self.covariance, &weight).mean_square;
+        let scale = of_fit / Error::of(&of_fitted, &weight).mean_square;
+        Ok((weight, scale))
+    }
+
+    /// The `count` poses that lower a goal most, one after another, and how many are needed until its error is at most `target`.
+    ///
+    /// # Errors
+    ///
+    /// [`PlanError::Goal`].
+    pub fn plan(&self, goal: &Goal, target: f64, count: usize) -> Result<Plan, PlanError> {
+        let (weight, scale) = self.weight_and_scale(goal)?;
+        let now = Error::of(&self.covariance, &weight);
         let error = |precision: &DMatrix<f64>| inverse(precision.clone()).map(|c| Error::of(&(c * scale), &weight));
         let mut plan = Plan {
             now: now.mean_square.sqrt(),
@@ -204,8 +214,8 @@ impl Planner {
     }
 }
 
-/// Information of the fitted frames on the free parameters, whose rows these are, with depth that counts as that of a pose does.
-fn information_of_fitted(state: &State, rows: &[usize]) -> Result<DMatrix<f64>, PlanError> {
+/// Information of every fitted frame on the free parameters, whose rows these are, with depth that counts as that of a pose does.
+fn information_of_fitted(state: &State, rows: &[usize]) -> Result<Vec<DMatrix<f64>>, PlanError> {
     let mut state = state.clone();
     let mut weights = vec![1.0; state.frames.len()];
     for camera in &mut state.cameras {
@@ -222,11 +232,11 @@ fn information_of_fitted(state: &State, rows: &[usize]) -> Result<DMatrix<f64>, 
         return Err(PlanError::Undetermined);
     }
     let frames = adjustment.frame_information_weighted(Curvature::OfWeights, |frame| weights[frame]);
-    Ok(frames.iter().fold(DMatrix::zeros(rows.len(), rows.len()), |sum, frame| sum + &frame.fitted.0))
+    Ok(frames.into_iter().map(|frame| frame.fitted.0).collect())
 }
 
 /// Inverse of a positive definite matrix whose diagonal has about one size.
-fn inverse(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(super) fn inverse(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scale: DVector<f64> = matrix.diagonal().map(|d| d.max(f64::MIN_POSITIVE).sqrt().recip());
     let scaled = DMatrix::from_fn(matrix.nrows(), matrix.nrows(), |i, k| matrix[(i, k)] * scale[i] * scale[k]);
     let inverse = scaled.cholesky()?.inverse();

@@ -23,6 +23,7 @@ mod prior;
 mod report_input;
 mod results;
 mod rig_diagnosis;
+mod select;
 mod unlike_calibration;
 
 pub use added_effects::with_effects;
@@ -42,4 +43,5 @@ pub use prior::GivenPrior;
 pub use report_input::{ReportCamera, ReportDataset, ReportDiagnosis, ReportInput, ReportRig, Role};
 pub use results::{Results, Shown};
 pub use rig_diagnosis::DiagnosedRig;
+pub use select::{SelectRequest, Selected};
 pub use unlike_calibration::UnlikeCalibration;

@@ -1,7 +1,7 @@
 //! Which captures to add to those of a fit.
 
 use super::error::TaskError;
-use crate::adjust::state::CameraState;
+use crate::adjust::state::{CameraState, State};
 use crate::calibrate::Calibrated;
 use crate::observe::noise::NoiseModel;
 use crate::plan::{Goal, Plan, PlanError, Planner};
@@ -48,6 +48,30 @@ pub struct NextCaptures {
 }
 
 impl NextRequest {
+    /// Number of the camera that is asked for.
+    pub(super) fn camera_of(&self, state: &State) -> Result<usize, PlanError> {
+        let named = |name: &String| state.cameras.iter().position(|camera| camera.name == *name);
+        match &self.camera {
+            Some(name) => named(name).ok_or_else(|| PlanError::NoCamera {
+                name: name.clone(),
+                known: state.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", "),
+            }),
+            None => Ok(state.cameras.iter().position(CameraState::has_depth).unwrap_or(0)),
+        }
+    }
+
+    /// The goal that is asked for.
+    pub(super) fn goal_of(&self, camera: &CameraState, planner: &Planner) -> Goal {
+        let middle = (planner.range_mm[0] * planner.range_mm[1]).sqrt();
+        match self.goal.as_str() {
+            "projection" => Goal::Projection { distance_mm: middle },
+            "depth" => Goal::Depth { range_mm: self.range_mm.unwrap_or(planner.range_mm) },
+            "" if camera.has_depth() => Goal::Depth { range_mm: self.range_mm.unwrap_or(planner.range_mm) },
+            "" => Goal::Projection { distance_mm: middle },
+            parameter => Goal::Parameter(parameter.to_owned()),
+        }
+    }
+
     /// The poses that lower the goal most.
     ///
     /// # Errors
@@ -55,24 +79,11 @@ impl NextRequest {
     /// [`TaskError::Plan`]: the goal means nothing for the camera, or the frames leave parameters open.
     pub fn next(&self, fitted: &Calibrated) -> Result<NextCaptures, TaskError> {
         let (state, covariance) = (&fitted.state, fitted.covariance.as_ref().ok_or(PlanError::Undetermined)?);
-        let named = |name: &String| state.cameras.iter().position(|camera| camera.name == *name);
-        let number = match &self.camera {
-            Some(name) => named(name).ok_or_else(|| PlanError::NoCamera {
-                name: name.clone(),
-                known: state.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", "),
-            })?,
-            None => state.cameras.iter().position(CameraState::has_depth).unwrap_or(0),
-        };
+        let number = self.camera_of(state)?;
         let planner = Planner::new(state, number, covariance)?;
         let camera = &state.cameras[number];
         let middle = (planner.range_mm[0] * planner.range_mm[1]).sqrt();
-        let goal = match self.goal.as_str() {
-            "projection" => Goal::Projection { distance_mm: middle },
-            "depth" => Goal::Depth { range_mm: self.range_mm.unwrap_or(planner.range_mm) },
-            "" if camera.has_depth() => planner.default_goal(),
-            "" => Goal::Projection { distance_mm: middle },
-            parameter => Goal::Parameter(parameter.to_owned()),
-        };
+        let goal = self.goal_of(camera, &planner);
         let noise_mm = camera.has_depth().then(|| depth_noise_mm(&camera.noise, middle));
         let by_default = match (&goal, noise_mm) {
             (Goal::Depth { .. }, Some(noise)) => SHARE_OF_NOISE * noise,
@@ -87,6 +98,6 @@ impl NextRequest {
 }
 
 /// Standard deviation of a depth pixel's noise at a distance, mm.
-fn depth_noise_mm(noise: &NoiseModel, distance_mm: f64) -> f64 {
+pub(super) fn depth_noise_mm(noise: &NoiseModel, distance_mm: f64) -> f64 {
     noise.depth.sigma(1.0 / distance_mm) * distance_mm.powi(2)
 }

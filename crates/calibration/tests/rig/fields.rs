@@ -101,8 +101,8 @@ fn two_cameras_have_different_formulas_of_one_name() {
     assert!(cameras.iter().all(|placed| placed.camera.block("bent").is_some()));
 }
 
-/// While a field is flat, poses take up what it explains, and held-out frames want it rough; with the right poses, frames that the
-/// others do not determine spoke for a flat one again, and the fit ended wherever the rounds did: flat after six, rough after
+/// While a field is flat, poses take up what it explains, and held-out frames want it rough; with the right poses, frames that
+/// the others do not determine spoke for a flat one again, and the fit ended wherever the rounds did: flat after six, rough after
 /// twenty, with markers 1.8 times as noisy as they are (0.05 px) or not.
 #[test]
 fn the_smoothness_of_a_field_does_not_go_round_in_a_circle() {

@@ -49,6 +49,26 @@ class Fit(Fitted):
         """What the prior of a fleet did to the fit, in sentences; none without a prior."""
         return self._native.prior_sentences()
 
+    def next_captures(
+        self,
+        goal: str = "",
+        *,
+        range_mm: tuple[float, float] | None = None,
+        within: float | None = None,
+        frames: int = 3,
+        camera: str | None = None,
+    ) -> dict[str, Any]:
+        """Which captures to add: the poses of the board that lower an uncertainty most, and how many such frames are enough, as
+        ``depthcal next --json`` gives them (docs/next.md).
+
+        ``goal`` is ``"depth"``, ``"projection"`` or a parameter, ``"pinhole.fx"``; by default that of corrected depth over the
+        distances that were seen, or over ``range_mm``. ``within`` is the error that is small enough, mm, px or in the parameter's unit.
+        ``frames_needed`` of the result is None where more frames do not get there; poses in ``capture_next`` have a quaternion (w, x, y,
+        z) and mm, and map the board to the camera, of a rig to its reference.
+        Raises :class:`InputError`.
+        """
+        return json.loads(self._native.next_captures(goal, range_mm, within, frames, camera))
+
     def plot(self, ax: Any = None) -> Any:
         """Depth errors of every frame before and after correction. Returns matplotlib's axes."""
         from ._plots import errors_of_frames
