@@ -118,13 +118,13 @@ fn print_parameters(result: &CalibratedCamera) {
         }
     }
     let noise = &result.noise;
-    let depth = if result.with_depth {
+    let has_markers = result.capture.frames.iter().any(|frame| !frame.markers.is_empty());
+    let of_markers = has_markers.then(|| format!("of a marker: {} per coordinate", quantity(noise.pixel_sigma, "px")));
+    let of_depth = result.with_depth.then(|| {
         let (a, b) = (number(noise.depth.a_per_mm), number(noise.depth.b_mm));
-        format!("; of inverse depth ρ: σ² = ({a}/mm)² + ({b} mm · ρ²)²")
-    } else {
-        String::new()
-    };
-    say!("noise of a marker: {} per coordinate{depth}", quantity(noise.pixel_sigma, "px"));
+        format!("of inverse depth ρ: σ² = ({a}/mm)² + ({b} mm · ρ²)²")
+    });
+    say!("noise {}", of_markers.into_iter().chain(of_depth).collect::<Vec<_>>().join("; "));
     if noise.planes.of_noise > 0.0 {
         let size = number(noise.planes.of_noise);
         say!(

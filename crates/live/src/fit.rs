@@ -133,10 +133,12 @@ fn fitted(job: FitJob, live: &LiveFit) -> Result<LiveFitted, String> {
     let cross_validate = (count >= VALIDATED.0).then_some(VALIDATED.1);
     let request = FitRequest { hold_out: None, cross_validate, ..live.request.clone() };
     // Frames that cannot be left out are no reason to show no fit.
-    let fit = request.fit(&loaded, live.options.clone()).or_else(|error| match cross_validate {
-        Some(_) => FitRequest { cross_validate: None, ..request.clone() }.fit(&loaded, live.options.clone()),
-        None => Err(error),
-    });
+    let fit = match request.fit(&loaded, live.options.clone()) {
+        Err(_) if cross_validate.is_some() => {
+            FitRequest { cross_validate: None, ..request }.fit(&loaded, live.options.clone())
+        }
+        fit => fit,
+    };
     let fit = fit.map_err(|error| error.to_string())?;
     let of_errors = |evaluated: Option<&Evaluated>| {
         evaluated.and_then(|rig| rig.cameras.first()).map_or((None, None), |(_, evaluated)| {

@@ -38,19 +38,28 @@ pub(super) fn verdicts(
     if !story.is_empty() {
         page.body += &format!("<div class=\"story\">{story}</div>\n");
     }
-    let rows = names.iter().zip(summaries).enumerate().map(|(i, (name, summary))| {
+    let rows = cameras.iter().zip(summaries).enumerate().map(|(i, (camera, summary))| {
         format!(
             "<li class=\"{level}\"><span class=\"mark\" aria-hidden=\"true\"></span><span class=\"visually-hidden\">{level}: \
-             </span><b><a href=\"#{link}\">{name}</a></b> {sentence} {outcome}.</li>\n",
+             </span><b><a href=\"#{link}\">{name}</a></b> {sentence} {in_rig}{outcome}.</li>\n",
             level = summary.level.name(),
             link = Scope::camera(i + 1).id("all"),
-            name = escape(name),
+            name = escape(&camera.name),
+            in_rig = escape(&added_in_rig(camera)),
             sentence = tie(&escape(&summary.sentence)),
             outcome = escape(&summary.outcome),
         )
     });
     page.body += &format!("<ul class=\"checks\">{}</ul>\n", rows.collect::<String>());
     page.close();
+}
+
+/// The effects that the joint adjustment showed, in a sentence; empty where there are none.
+fn added_in_rig(camera: &ReportCamera<'_>) -> String {
+    match &camera.added_in_rig[..] {
+        [] => String::new(),
+        names => format!("The joint adjustment showed that {} is missing, and has it. Given that: ", join(names)),
+    }
 }
 
 /// The largest transfer error on the last dataset, which was not fitted where there is one that was not.

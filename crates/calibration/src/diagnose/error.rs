@@ -43,13 +43,19 @@ pub enum DiagnoseError {
     },
     /// A formula that was found cannot be a piece.
     #[error(transparent)]
-    Formula(#[from] FormulaError),
+    Formula(Box<FormulaError>),
     /// The fit lacks a camera that was captured.
     #[error("the calibration has no camera {camera} although it was captured: please report this as a bug")]
     LacksCamera {
         /// The camera.
         camera: String,
     },
+}
+
+impl From<FormulaError> for DiagnoseError {
+    fn from(error: FormulaError) -> Self {
+        Self::Formula(Box::new(error))
+    }
 }
 
 impl From<SolveError> for DiagnoseError {

@@ -160,7 +160,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// [`LoadError::DeclaredCamera`], [`LoadError::Camera`] where a declared camera cannot be used.
+    /// [`LoadError::Declared`], [`LoadError::Camera`] where a declared camera cannot be used.
     pub fn capture(&self, lens: Option<&str>, register: &Register) -> Result<Capture, LoadError> {
         let mut capture = self.observed();
         for (camera, loaded) in capture.cameras.iter_mut().zip(&self.cameras) {

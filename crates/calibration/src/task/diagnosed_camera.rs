@@ -95,6 +95,19 @@ impl DiagnosedCamera {
         evaluation
     }
 
+    /// Names of the effects that the joint adjustment with other cameras showed before the loop.
+    pub(super) fn added_in_rig(&self) -> Vec<&str> {
+        let before = self.in_rig.iter().flat_map(|in_rig| &in_rig.before);
+        before.map(|effect| effect.spec.name.as_str()).collect()
+    }
+
+    /// Errors of the last model on fitted and on held-out frames, for a report.
+    pub(super) fn evaluations(&self) -> Vec<ReportDataset<'_>> {
+        let role = if self.verified { Role::Other } else { Role::HeldOut };
+        let on_fitted = ReportDataset { evaluated: &self.on_fitted, role: Role::Fitted };
+        vec![on_fitted, ReportDataset { evaluated: &self.diagnosis.after.evaluated, role }]
+    }
+
     /// The diagnosis for a report, with the declared model's errors `before`.
     pub(super) fn report<'a>(&'a self, before: &'a EvaluatedCamera) -> ReportDiagnosis<'a> {
         ReportDiagnosis { record: &self.record, before, register: &self.register }
@@ -116,14 +129,12 @@ impl Results for DiagnosedCamera {
     }
 
     fn shown(&self, made: &Made) -> Shown<'_> {
-        let (before, after) = (&self.diagnosis.before.evaluated, &self.diagnosis.after.evaluated);
-        let role = if self.verified { Role::Other } else { Role::HeldOut };
-        let on_fitted = ReportDataset { evaluated: &self.on_fitted, role: Role::Fitted };
         let camera = ReportCamera {
             name: self.loaded_camera().name().to_owned(),
             calibrated: Some(&self.diagnosis.last),
-            evaluations: vec![on_fitted, ReportDataset { evaluated: after, role }],
-            diagnosis: Some(self.report(before)),
+            evaluations: self.evaluations(),
+            diagnosis: Some(self.report(&self.diagnosis.before.evaluated)),
+            added_in_rig: self.added_in_rig(),
         };
         Shown::Cameras(ReportInput {
             title: self.title.clone(),

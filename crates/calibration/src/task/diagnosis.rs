@@ -146,9 +146,15 @@ impl Results for Diagnosed {
         let cameras = outcome.last.cameras.iter().map(|camera| {
             let mut shown = ReportCamera::of_rig(&camera.name, Some(&camera.calibrated), &datasets);
             let diagnosed = self.cameras.iter().find(|(name, _)| *name == camera.name);
+            let Some((_, diagnosed)) = diagnosed else { return shown };
+            shown.added_in_rig = diagnosed.added_in_rig();
+            if shown.evaluations.is_empty() {
+                // Without images it has the errors of its loop, to which the other cameras give the poses.
+                shown.evaluations = diagnosed.evaluations();
+            }
             // Errors of the rig that was declared and of the last one, on the same frames.
             let before = outcome.before.camera(&camera.name);
-            shown.diagnosis = diagnosed.zip(before).map(|((_, diagnosed), before)| diagnosed.report(before));
+            shown.diagnosis = Some(diagnosed.report(before.unwrap_or(&diagnosed.diagnosis.before.evaluated)));
             shown
         });
         Shown::Cameras(ReportInput {

@@ -79,6 +79,8 @@ pub struct ReportCamera<'a> {
     pub evaluations: Vec<ReportDataset<'a>>,
     /// The diagnosis that led to the calibration.
     pub diagnosis: Option<ReportDiagnosis<'a>>,
+    /// Effects that the joint adjustment with other cameras showed before, which the diagnosis is given.
+    pub added_in_rig: Vec<&'a str>,
 }
 
 impl<'a> ReportCamera<'a> {
@@ -88,7 +90,7 @@ impl<'a> ReportCamera<'a> {
             rig.camera(name).map(|evaluated| ReportDataset { evaluated, role: *role })
         };
         let evaluations = datasets.iter().filter_map(evaluation).collect();
-        Self { name: name.to_owned(), calibrated, evaluations, diagnosis: None }
+        Self { name: name.to_owned(), calibrated, evaluations, ..Self::default() }
     }
 
     /// Whether there is a calibration or a frame to report.

@@ -10,7 +10,7 @@ pub(super) fn remedy(effect: &str) -> Option<&'static str> {
             "keep it: the lens has these terms, and depthcal export writes them where a format can hold them"
         }
         "depth_registration" => "correct the registration in the driver, or keep the fitted displacement",
-        "cyclic_depth" | "disparity_ripple" => "keep the correction: this kind of camera has it",
+        "cyclic_depth" | "disparity_ripple" => "keep the correction: no setting removes it",
         "projector_distortion" | "quadratic_depth" => "keep the correction, within the distances that were captured",
         "radial_range" => "check whether the driver gives depth or range, or keep the correction",
         "range_offset" => "keep the correction: it is a property of the camera and its mount",

@@ -348,7 +348,7 @@ pub fn rivals_of_other_technologies(step: &DiagnosisStep) -> Option<String> {
     let rivals = &step.of_other_technologies;
     (!rivals.is_empty()).then(|| {
         format!(
-            "cameras of another technology have {} instead: `technology` in [camera] of dataset.toml decides",
+            "cameras of another technology have {} instead: technology in [camera] of dataset.toml decides",
             join(rivals)
         )
     })

@@ -268,14 +268,14 @@ mod tests {
     fn the_text_has_numbers_for_people() {
         let expected = "\
 1. added cyclic_depth (after the depth model, period 300 mm): 2.10 mm rms, p < 1e−16
-   depth waves over distance (time-of-flight wiggling): keep the correction: this kind of camera has it
+   depth waves over distance (time-of-flight wiggling): keep the correction: no setting removes it
    acts after the depth model, added to depth; these captures cannot tell this from: before the depth model, as a factor of depth
      a             2.981 ± 0.012     mm
      b               0.5 fixed
    held-out frames: depth 6.60 → 5.51 mm rms, reprojection 0.123 → 0.123 px rms
    given all others, the error on left-out frames falls by 16.5 % (95 % interval 13.5 to 20.1 %)
    these captures cannot distinguish it from: disparity_ripple
-   cameras of another technology have disparity_ripple instead: `technology` in [camera] of dataset.toml decides
+   cameras of another technology have disparity_ripple instead: technology in [camera] of dataset.toml decides
    found together with: range_offset
 
 effects tested given the last model:

@@ -8,6 +8,9 @@ use crate::format::{interval, number, percent};
 use crate::input::{ReportCamera, ReportDiagnosis};
 use crate::pool::Pool;
 
+/// Most labels that stand side by side; more are turned.
+const MOST_SIDE_BY_SIDE: usize = 6;
+
 /// One bar.
 struct Stage {
     label: String,
@@ -56,7 +59,13 @@ fn stages(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stag
 /// Depth error as measured, under the declared model, and after every step.
 pub(crate) fn stage_bars(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
     let list = stages(camera, d)?;
-    let label = |s: &Stage| format!("{}<br><b>{} mm</b>", s.label, number(s.value));
+    let in_one_line =
+        |s: &Stage| format!("{} {} mm", s.label.replace("_<br>", "_").replace("<br>", " "), number(s.value));
+    let is_crowded = list.len() > MOST_SIDE_BY_SIDE;
+    let label = |s: &Stage| match is_crowded {
+        true => in_one_line(s),
+        false => format!("{}<br><b>{} mm</b>", s.label, number(s.value)),
+    };
     let bars = json!({
         "type": "bar",
         "x": list.iter().map(label).collect::<Value>(),
@@ -79,11 +88,10 @@ pub(crate) fn stage_bars(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> 
     // Five labels have to stand side by side on a phone.
     let size = if list.len() > 4 { 10 } else { 12 };
     let layout = json!({
-        "xaxis": {"type": "category", "tickangle": 0, "tickfont": {"size": size}}, "bargap": 0.25, "showlegend": false,
+        "xaxis": {"type": "category", "tickangle": if is_crowded { -60 } else { 0 }, "tickfont": {"size": size}}, "bargap": 0.25, "showlegend": false,
         "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
     });
-    let told: Vec<String> =
-        list.iter().map(|s| format!("{} {} mm", s.label.replace("<br>", " "), number(s.value))).collect();
+    let told: Vec<String> = list.iter().map(in_one_line).collect();
     Some(
         Figure::new("stages", "Depth error on held-out frames", data, layout)
             .caption("Every model is fitted separately. Whiskers: 95 % intervals from resampling whole frames.")
