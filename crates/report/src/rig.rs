@@ -41,7 +41,7 @@ pub(super) fn verdicts(
     let rows = cameras.iter().zip(summaries).enumerate().map(|(i, (camera, summary))| {
         format!(
             "<li class=\"{level}\"><span class=\"mark\" aria-hidden=\"true\"></span><span class=\"visually-hidden\">{level}: \
-             </span><b><a href=\"#{link}\">{name}</a></b> {sentence} {in_rig}{outcome}.</li>\n",
+             </span><b><a href=\"#{link}\">{name}</a></b> {in_rig}{sentence} {outcome}.</li>\n",
             level = summary.level.name(),
             link = Scope::camera(i + 1).id("all"),
             name = escape(&camera.name),
@@ -58,7 +58,7 @@ pub(super) fn verdicts(
 fn added_in_rig(camera: &ReportCamera<'_>) -> String {
     match &camera.added_in_rig[..] {
         [] => String::new(),
-        names => format!("The joint adjustment showed that {} is missing, and has it. Given that: ", join(names)),
+        names => format!("The joint adjustment showed that {} is missing, and has it. ", join(names)),
     }
 }
 
