@@ -26,11 +26,9 @@ pub fn calibration_record(
     let reference = &result.reference().calibrated;
     let only = result.only_camera();
     let with_depth = result.cameras.iter().map(|c| &c.calibrated).find(|c| c.with_depth).unwrap_or(reference);
-    let mut cameras = result.cameras.iter().map(camera_record);
-    let reference_record = cameras.next().unwrap_or_else(|| camera_record(result.reference()));
     Calibration {
-        camera: reference_record,
-        others: cameras.collect(),
+        camera: camera_record(result.reference()),
+        others: result.cameras.iter().skip(1).map(camera_record).collect(),
         covariance: result.covariance.as_ref().map(|covariance| covariance_record(&result.parameters(), covariance)),
         fit: FitRecord {
             estimator: reference.estimator.name().to_owned(),

@@ -178,7 +178,7 @@ impl Command {
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
         match self {
             Command::Calibrate(command) => command.load_formulas(register),
-            Command::Diagnose(command) => command.load_formulas(register),
+            Command::Diagnose(command) => command.model.load_formulas(register),
             Command::Compare(command) => command.load_formulas(register),
             Command::Next(command) => command.model.load_formulas(register),
             Command::Select(command) => command.model.load_formulas(register),

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::common::{Output, Reading, camera_count, frames_of, made, print_not_evaluated, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
+use super::model_options::ModelOptions;
 use super::parameters::print_cameras;
 use super::recording::Recording;
 use super::results::save;
@@ -20,7 +21,7 @@ use crate::progress::Progress;
 use depthcal_calibration::calibrate::{CalibratedCamera, CameraFit, Estimator};
 use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::observe::Capture;
-use depthcal_calibration::task::{Fit, FitRequest, GivenPrior, HoldOut, ModelRequest, NextRequest, OptionNames};
+use depthcal_calibration::task::{Fit, FitRequest, GivenPrior, HoldOut, NextRequest};
 use depthcal_report::format::{number, quantity};
 use depthcal_report::{fit_sentences, next_sentence};
 
@@ -63,15 +64,8 @@ enum EstimatorName {
 pub(super) struct Calibrate {
     /// Folder with a dataset.toml.
     pub(super) dataset: PathBuf,
-    /// Depth model: none, projective, projective:xw (only dx and dw free), or a stack such as projective+cyclic_depth.
-    #[arg(long, default_value = "projective")]
-    model: String,
-    /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them. fixed:PIECE.PARAMETER holds
-    /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx. Of one camera of a rig: colour:thin_prism,
-    /// fixed:colour:pinhole.cx. colour:time_offset estimates by how much this camera exposes later than its times say, from a
-    /// video of a board that moves.
-    #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
-    with: Vec<String>,
+    #[command(flatten)]
+    model: ModelOptions,
     /// Knowledge from other units of the camera's type: prior.json of `depthcal fleet`. Its parameters get a normal prior,
     /// and the fit starts at its mean, so that few frames are enough. Of a camera of a rig: CAMERA:FILE.
     #[arg(long, value_delimiter = ',', value_name = "FILE")]
@@ -79,12 +73,6 @@ pub(super) struct Calibrate {
     /// Formulas that are scored in scores.json without being fitted: whether this unit confirms what another one found.
     #[arg(long, value_delimiter = ',', value_name = "FILE,…")]
     score: Vec<String>,
-    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine
-    /// over the whole image are chosen on left-out frames; brown-conrady:full (k1k2p1p2, k1k2, k1), opencv8, opencv12, opencv14,
-    /// kannala-brandt, division and none fit what they say; auto compares all on left-out frames. A lens of your own is given by
-    /// its name, or as a file of its formula.
-    #[arg(long)]
-    lens: Option<String>,
     /// Estimator: joint fits everything together; the others fit D alone, with camera and poses from the images.
     #[arg(long, value_enum, default_value = "joint")]
     estimator: EstimatorName,
@@ -119,12 +107,7 @@ impl Calibrate {
         });
         let priors = priors.collect::<Result<_, _>>()?;
         Ok(FitRequest {
-            model: ModelRequest {
-                names: OptionNames::COMMAND_LINE,
-                model: self.model.clone(),
-                with: self.with.clone(),
-                lens: self.lens.clone(),
-            },
+            model: self.model.model(),
             estimator: self.estimator(),
             hold_out: self.hold_out,
             cross_validate: self.cross_validate.map(usize::from),
@@ -135,9 +118,7 @@ impl Calibrate {
 
     /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
-        self.model = formula_files::resolve_model("--model", &self.model, register)?;
-        self.with = formula_files::resolve("--with", &self.with, register)?;
-        self.lens = formula_files::resolve_lens("--lens", self.lens.as_deref(), register)?;
+        self.model.load_formulas(register)?;
         self.score = formula_files::resolve("--score", &self.score, register)?;
         Ok(())
     }

@@ -3,17 +3,16 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use depthcal_model::Register;
 use serde_json::Value;
 
 use super::common::{Output, Reading, camera_count, made};
 use super::diagnosis_output::tell;
 use super::failure::Failure;
-use super::formula_files;
+use super::model_options::ModelOptions;
 use super::recording::Recording;
 use super::session::Session;
 use depthcal_calibration::load::Loaded;
-use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, ModelRequest, OptionNames};
+use depthcal_calibration::task::{DiagnoseRequest, Diagnosed};
 
 /// Finds effects that a camera's model lacks: fits it, tests the residuals for each known effect, adds the one that explains
 /// them, fits again, and reports held-out errors before and after.
@@ -33,19 +32,8 @@ pub(super) struct Diagnose {
     /// Another dataset of the same camera, on which the errors are reported [default: cross-validation].
     #[arg(long, value_name = "DATASET")]
     verify: Option<PathBuf>,
-    /// Depth model to start from: none, projective, projective:xw, or a stack such as projective+cyclic_depth.
-    #[arg(long, default_value = "projective")]
-    model: String,
-    /// Effects that are part of the model from the start; fixed:PIECE.PARAMETER holds a parameter instead of fitting it, such as
-    /// fixed:brown_conrady.k3.
-    #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
-    with: Vec<String>,
-    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine
-    /// over the whole image are chosen on left-out frames; brown-conrady:full (k1k2p1p2, k1k2, k1), opencv8, opencv12, opencv14,
-    /// kannala-brandt, division and none fit what they say; auto compares all on left-out frames. A lens of your own is given by
-    /// its name, or as a file of its formula.
-    #[arg(long)]
-    lens: Option<String>,
+    #[command(flatten)]
+    pub(super) model: ModelOptions,
     /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(2..))]
     folds: u16,
@@ -61,25 +49,9 @@ pub(super) struct Diagnose {
 }
 
 impl Diagnose {
-    /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
-    pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
-        self.model = formula_files::resolve_model("--model", &self.model, register)?;
-        self.with = formula_files::resolve("--with", &self.with, register)?;
-        self.lens = formula_files::resolve_lens("--lens", self.lens.as_deref(), register)?;
-        Ok(())
-    }
-
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        let request = DiagnoseRequest {
-            model: ModelRequest {
-                names: OptionNames::COMMAND_LINE,
-                model: self.model.clone(),
-                with: self.with.clone(),
-                lens: self.lens.clone(),
-            },
-            folds: usize::from(self.folds),
-            formulas: !self.no_discovery,
-        };
+        let request =
+            DiagnoseRequest { model: self.model.model(), folds: usize::from(self.folds), formulas: !self.no_discovery };
         let cameras = camera_count(&self.dataset, |cameras| request.check(cameras, &session.register))?;
         if cameras > 1 {
             self.recording.refuse_for_rig()?;

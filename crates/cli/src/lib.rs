@@ -41,6 +41,7 @@ mod failure;
 mod fleet;
 mod formula;
 mod formula_files;
+mod goal_options;
 #[cfg(feature = "import")]
 mod import;
 #[cfg(feature = "live")]

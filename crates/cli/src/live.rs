@@ -13,8 +13,8 @@ use serde_json::{Value, json};
 use super::board_file::read_board;
 use super::common::made;
 use super::failure::{Failure, input};
+use super::goal_options::GoalOptions;
 use super::model_options::ModelOptions;
-use super::next::parse_range;
 use super::progress::Progress;
 use super::results::save;
 use super::session::Session;
@@ -29,12 +29,12 @@ const FEWEST: usize = 6;
 ///
 /// Frames that show the board sharply, at rest and in another place are kept as a dataset in --out, each at once; a session that
 /// was killed goes on with them. Space captures, z takes back. At the end the dataset is calibrated, with the results in
-/// calibration/ beside it. The page is for this machine alone unless --share is given.
+/// the calibration/ folder of --out. The page is for this machine alone unless --share is given.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal live frames/ --board board.toml --unit-mm 1 --out captures/     a folder that a camera's program fills
   camera-program | depthcal live - --board board.toml --out captures/      raw frames; docs/live.md has such programs
-  depthcal live frames/ --board board.toml --share                         the page on a tablet beside the board")]
+  depthcal live frames/ --board board.toml --share                         the page on a tablet next to the board")]
 pub(super) struct Live {
     /// A folder that fills, with image/ and depth/, with images alone, or with a dataset.toml; or - for raw frames on standard
     /// input.
@@ -57,12 +57,8 @@ pub(super) struct Live {
     /// Shows the page to the local network as well, at an address with a secret.
     #[arg(long)]
     share: bool,
-    /// The error to lower, as for `next`.
-    #[arg(long, default_value = "", hide_default_value = true)]
-    goal: String,
-    /// Nearest and farthest distance of the goal depth, mm [default: those that were seen].
-    #[arg(long, value_name = "NEAR,FAR", value_parser = parse_range)]
-    range_mm: Option<[f64; 2]>,
+    #[command(flatten)]
+    goal: GoalOptions,
     /// Error that is small enough, as for `next`.
     #[arg(long, value_name = "X")]
     within: Option<f64>,
@@ -90,13 +86,7 @@ impl Live {
             fit: LiveFit {
                 request: request.clone(),
                 options: session.calibrate_options(),
-                next: NextRequest {
-                    goal: self.goal.clone(),
-                    range_mm: self.range_mm,
-                    within: self.within,
-                    poses: 3,
-                    camera: None,
-                },
+                next: NextRequest { within: self.within, poses: 3, ..self.goal.request() },
             },
         };
         let ended = depthcal_live::run(options, self.source(), |address| {

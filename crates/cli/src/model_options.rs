@@ -1,4 +1,4 @@
-//! The model to fit, for commands that fit on the way to something else.
+//! The model to fit: options that all commands share that fit one.
 
 use clap::Args;
 use depthcal_calibration::calibrate::Estimator;
@@ -12,13 +12,19 @@ use super::formula_files;
 /// Options of the model.
 #[derive(Debug, Args)]
 pub(super) struct ModelOptions {
-    /// Depth model, as for `calibrate`.
+    /// Depth model: none, projective, projective:xw (only dx and dw free), or a stack such as projective+cyclic_depth.
     #[arg(long, default_value = "projective")]
     model: String,
-    /// Further effects, as for `calibrate`.
+    /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them. fixed:PIECE.PARAMETER holds
+    /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx. Of one camera of a rig: colour:thin_prism,
+    /// fixed:colour:pinhole.cx. colour:time_offset estimates by how much this camera exposes later than its times say, from a
+    /// video of a board that moves.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// Lens model, as for `calibrate`.
+    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine
+    /// over the whole image are chosen on left-out frames; brown-conrady:full (k1k2p1p2, k1k2, k1), opencv8, opencv12, opencv14,
+    /// kannala-brandt, division and none fit what they say; auto compares all on left-out frames. A lens of your own is given by
+    /// its name, or as a file of its formula.
     #[arg(long)]
     lens: Option<String>,
 }
@@ -32,15 +38,20 @@ impl ModelOptions {
         Ok(())
     }
 
+    /// The model in words.
+    pub(super) fn model(&self) -> ModelRequest {
+        ModelRequest {
+            names: OptionNames::COMMAND_LINE,
+            model: self.model.clone(),
+            with: self.with.clone(),
+            lens: self.lens.clone(),
+        }
+    }
+
     /// A joint fit of the model to all frames.
     pub(super) fn request(&self) -> FitRequest {
         FitRequest {
-            model: ModelRequest {
-                names: OptionNames::COMMAND_LINE,
-                model: self.model.clone(),
-                with: self.with.clone(),
-                lens: self.lens.clone(),
-            },
+            model: self.model(),
             estimator: Estimator::Joint,
             hold_out: None,
             cross_validate: None,

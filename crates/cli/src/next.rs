@@ -12,6 +12,7 @@ use serde_json::Value;
 
 use super::common::{Reading, camera_count};
 use super::failure::{Failure, input};
+use super::goal_options::GoalOptions;
 use super::model_options::ModelOptions;
 use super::progress::Progress;
 use super::session::Session;
@@ -31,13 +32,8 @@ use super::voice::say;
 pub(super) struct Next {
     /// Folder with a dataset.toml.
     pub(super) dataset: PathBuf,
-    /// The error to lower: depth (of corrected depth), projection (of pixels), or a parameter PIECE.PARAMETER [default: depth,
-    /// projection without depth].
-    #[arg(long, default_value = "", hide_default_value = true)]
-    goal: String,
-    /// Nearest and farthest distance of the goal depth, mm [default: those that were seen].
-    #[arg(long, value_name = "NEAR,FAR", value_parser = parse_range)]
-    range_mm: Option<[f64; 2]>,
+    #[command(flatten)]
+    goal: GoalOptions,
     /// Error that is small enough, root mean square in mm, px or the parameter's unit [default: a third of a depth pixel's
     /// noise, 0.1 px, half of the present error].
     #[arg(long, value_name = "X")]
@@ -57,14 +53,6 @@ pub(super) struct Next {
     reading: Reading,
 }
 
-pub(super) fn parse_range(text: &str) -> Result<[f64; 2], String> {
-    let ends: Vec<f64> = text.split(',').filter_map(|end| end.trim().parse().ok()).collect();
-    match ends[..] {
-        [near, far] if near > 0.0 && far > near && far.is_finite() => Ok([near, far]),
-        _ => Err("give nearest and farthest distance in mm, such as 500,4000".to_owned()),
-    }
-}
-
 impl Next {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         if let Some(within) = self.within.filter(|within| !(within.is_finite() && *within > 0.0)) {
@@ -77,11 +65,10 @@ impl Next {
         let fit = request.fit(&loaded, session.calibrate_options())?;
         drop(busy);
         let next = NextRequest {
-            goal: self.goal.clone(),
-            range_mm: self.range_mm,
             within: self.within,
             poses: usize::from(self.frames),
             camera: self.camera.clone(),
+            ..self.goal.request()
         };
         let next = next.next(&fit.fitted)?;
         print(&next, fit.fitted.cameras.len() > 1);

@@ -15,8 +15,8 @@ use serde_json::{Value, json};
 
 use super::common::{Reading, camera_count};
 use super::failure::{Failure, input};
+use super::goal_options::GoalOptions;
 use super::model_options::ModelOptions;
-use super::next::parse_range;
 use super::progress::Progress;
 use super::session::Session;
 use super::voice::say;
@@ -47,12 +47,8 @@ pub(super) struct Select {
     /// Folder for the two datasets; created if it does not exist. It must not hold them already.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// The error to lower, as for `next`.
-    #[arg(long, default_value = "", hide_default_value = true)]
-    goal: String,
-    /// Nearest and farthest distance of the goal depth, mm [default: those that were seen].
-    #[arg(long, value_name = "NEAR,FAR", value_parser = parse_range)]
-    range_mm: Option<[f64; 2]>,
+    #[command(flatten)]
+    goal: GoalOptions,
     /// The camera of a rig whose goal it is [default: the first with depth].
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
@@ -75,12 +71,7 @@ impl Select {
         let busy = Progress::busy("fitting");
         let fit = request.fit(&loaded, session.calibrate_options())?;
         drop(busy);
-        let goal = NextRequest {
-            goal: self.goal.clone(),
-            range_mm: self.range_mm,
-            camera: self.camera.clone(),
-            ..NextRequest::default()
-        };
+        let goal = NextRequest { camera: self.camera.clone(), ..self.goal.request() };
         let request = SelectRequest { goal, frames: self.frames as usize, held_out: self.held_out };
         let selected = request.select(&fit)?;
         print(&selected);

@@ -119,7 +119,7 @@ impl Recorder {
         &self.folder
     }
 
-    /// Why a frame cannot be kept beside the others; `None` where it can.
+    /// Why a frame cannot be kept together with the others; `None` where it can.
     pub fn refusal(&self, arrival: &Arrival) -> Option<String> {
         let (shape, new) = (self.shape.as_ref()?, Shape::of(arrival));
         if new == *shape {

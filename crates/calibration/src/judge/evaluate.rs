@@ -27,33 +27,30 @@ pub struct Evaluated {
 /// out.
 pub fn evaluate(cameras: &[PlacedCamera], capture: &Capture) -> Evaluated {
     let capture = &*numbered_for(cameras, capture);
-    judged(cameras, capture, |placed, seen| evaluate_camera(&placed.camera, &seen.capture))
+    let evaluated = cameras.iter().filter_map(|placed| {
+        let seen = capture.cameras.iter().find(|c| c.name == placed.name).filter(|seen| seen.has_markers())?;
+        Some((placed, seen, evaluate_camera(&placed.camera, &seen.capture)))
+    });
+    judged(evaluated.collect(), capture)
 }
 
 /// Evaluates calibrated cameras on the frames that they were fitted to.
 pub fn evaluate_fitted(fit: &Calibrated) -> Evaluated {
-    judged(&fit.placed(), &fit.capture(), |placed, seen| match fit.camera(&seen.name) {
-        // The search for a frame's pose starts from the fitted one.
-        Some(camera) => evaluate_camera(&placed.camera, &camera.calibrated.capture),
-        None => evaluate_camera(&placed.camera, &seen.capture),
-    })
+    let (cameras, capture) = (fit.placed(), fit.capture());
+    let fitted = cameras.iter().zip(&capture.cameras).zip(&fit.cameras).filter(|(_, camera)| camera.has_markers());
+    // The search for a frame's pose starts from the fitted one.
+    let evaluated = fitted
+        .map(|((placed, seen), camera)| (placed, seen, evaluate_camera(&placed.camera, &camera.calibrated.capture)));
+    judged(evaluated.collect(), &capture)
 }
 
-/// Errors of the cameras with images that are in a capture, each by `evaluate_one`, and between them.
-fn judged(
-    cameras: &[PlacedCamera],
-    capture: &Capture,
-    evaluate_one: impl Fn(&PlacedCamera, &CameraCapture) -> EvaluatedCamera,
-) -> Evaluated {
-    let both = cameras.iter().filter_map(|placed| {
-        let camera = capture.cameras.iter().find(|c| c.name == placed.name)?;
-        camera.has_markers().then_some((placed, camera))
-    });
-    let both: Vec<_> = both.collect();
-    let evaluated: Vec<EvaluatedCamera> = both
-        .iter()
-        .map(|(placed, seen)| EvaluatedCamera { name: part_name(capture, &placed.name), ..evaluate_one(placed, seen) })
-        .collect();
+/// Errors of cameras in a capture, and between them.
+fn judged(cameras: Vec<(&PlacedCamera, &CameraCapture, EvaluatedCamera)>, capture: &Capture) -> Evaluated {
+    let (mut both, mut evaluated) = (Vec::new(), Vec::new());
+    for (placed, seen, errors) in cameras {
+        both.push((placed, seen));
+        evaluated.push(EvaluatedCamera { name: part_name(capture, &placed.name), ..errors });
+    }
     let transfers = transfers(&both, &evaluated);
     let cameras = both.iter().map(|(placed, _)| placed.name.clone()).zip(evaluated).collect();
     Evaluated { cameras, transfers, name: capture.name.clone() }
