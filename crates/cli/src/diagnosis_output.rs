@@ -97,6 +97,9 @@ fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {
     }
     print_camera(camera);
     let Some(in_rig) = &camera.in_rig else { return };
+    for spec in &in_rig.of_board {
+        say!("{spec} of the board, which another camera shows, was added: the diagnosis above is given it");
+    }
     for EffectInRig { spec, left_out } in &in_rig.before {
         let fall = fall(left_out.gain_percent);
         say!(

@@ -43,7 +43,7 @@ pub(super) struct Simulate {
     #[arg(long, value_delimiter = ',', value_name = "CAMERA,…", conflicts_with = "with")]
     rig: Vec<String>,
     /// An error of camera or board, of its usual size or of SIZE; may be given several times. --help lists them. With --rig,
-    /// CAMERA:NAME[=SIZE] is an error of one camera, and others are the reference's.
+    /// CAMERA:NAME[=SIZE] is an error of one camera; others are the reference's, but for those of the board, which all see.
     #[arg(long, value_name = "NAME[=SIZE]")]
     effect: Vec<String>,
     /// Files of formulas of depth with a `value` of every parameter: further errors of the camera.
@@ -138,18 +138,27 @@ impl Simulate {
             }
             cameras.push(camera);
         }
+        let mut of_board = Vec::new();
         for text in &self.effect {
-            let (place, effect) = match text.split_once(':') {
-                Some((name, effect)) => match cameras.iter().position(|c| c.name == name) {
-                    Some(place) => (place, effect),
-                    None => return Err(Failure::Input(format!("--effect {text}: --rig has no camera {name}"))),
-                },
-                None => (0, text.as_str()),
+            let wrong = |error: String| Failure::Input(format!("--effect {text}: {error}"));
+            let (camera, effect) = match text.split_once(':') {
+                Some((name, effect)) => (Some(name), effect),
+                None => (None, text.as_str()),
             };
-            let effect = Effect::parse(effect).map_err(|e| Failure::Input(format!("--effect {text}: {e}")))?;
-            cameras[place].effects.extend(effect);
+            let named = |name: &str| cameras.iter().position(|c| c.name == name);
+            let place = camera.map_or(Some(0), named);
+            let place = place.ok_or_else(|| wrong(format!("--rig has no camera {}", camera.unwrap_or_default())))?;
+            let Some(effect) = Effect::parse(effect).map_err(|e| wrong(e.to_string()))? else { continue };
+            match (effect.info().map_err(input)?.hook, camera) {
+                ("board", None) => of_board.push(effect),
+                ("board", Some(_)) => {
+                    return Err(wrong("all cameras see the same board: give it without a camera".to_owned()));
+                }
+                _ => cameras[place].effects.push(effect),
+            }
         }
         let mut rig = RigSimulation::new(cameras, kind, self.seed);
+        rig = of_board.into_iter().fold(rig, RigSimulation::board_effect);
         if let Some(frames) = self.frames {
             rig = rig.frames(frames);
         }

@@ -11,7 +11,10 @@ use crate::ply::Cloud;
 /// # Errors
 /// As [`write_ply`](crate::ply::write_ply).
 pub fn write_pcd(path: impl AsRef<Path>, cloud: &Cloud) -> Result<(), FileError> {
-    let path = path.as_ref();
+    write_pcd_file(path.as_ref(), cloud)
+}
+
+fn write_pcd_file(path: &Path, cloud: &Cloud) -> Result<(), FileError> {
     cloud.check(path)?;
     let (points, intensity, color) = (&cloud.points, cloud.intensity.as_deref(), cloud.color.as_deref());
     let fields: Vec<&str> =

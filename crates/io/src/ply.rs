@@ -52,7 +52,10 @@ pub enum PlyFormat {
 /// [`FileError::Invalid`] when there are not as many intensities or colours as points, or when a coordinate is not
 /// finite (pixels without depth must be left out of the cloud); [`FileError::Write`].
 pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud, format: PlyFormat) -> Result<(), FileError> {
-    let path = path.as_ref();
+    write_ply_file(path.as_ref(), cloud, format)
+}
+
+fn write_ply_file(path: &Path, cloud: &Cloud, format: PlyFormat) -> Result<(), FileError> {
     cloud.check(path)?;
     let (points, intensity, color) = (&cloud.points, cloud.intensity.as_deref(), cloud.color.as_deref());
 

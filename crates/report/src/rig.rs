@@ -54,11 +54,11 @@ pub(super) fn verdicts(
     page.close();
 }
 
-/// The effects that the joint adjustment showed, in a sentence; empty where there are none.
+/// The effects that the rig showed, in a sentence; empty where there are none.
 fn added_in_rig(camera: &ReportCamera<'_>) -> String {
     match &camera.added_in_rig[..] {
         [] => String::new(),
-        names => format!("The joint adjustment showed that {} is missing, and has it. ", join(names)),
+        names => format!("The rig shows that {} is missing, and has it. ", join(names)),
     }
 }
 

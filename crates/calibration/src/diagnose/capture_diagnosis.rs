@@ -35,6 +35,8 @@ pub struct DiagnosedCamera {
 pub struct CameraInRig {
     /// Whether the poses of the board come from the other cameras, because this one has no images.
     pub poses_from_others: bool,
+    /// Effects of the board that other cameras show, and that the loop is given.
+    pub of_board: Vec<PieceSpec>,
     /// Of a camera without images, effects that the joint adjustment showed, in which its pinhole and place are free; the loop is
     /// given these.
     pub before: Vec<EffectInRig>,

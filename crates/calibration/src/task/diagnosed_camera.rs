@@ -95,10 +95,11 @@ impl DiagnosedCamera {
         evaluation
     }
 
-    /// Names of the effects that the joint adjustment with other cameras showed before the loop.
+    /// Names of the effects that other cameras, or the joint adjustment with them, showed before the loop.
     pub(super) fn added_in_rig(&self) -> Vec<&str> {
-        let before = self.in_rig.iter().flat_map(|in_rig| &in_rig.before);
-        before.map(|effect| effect.spec.name.as_str()).collect()
+        let in_rig = || self.in_rig.iter();
+        let before = in_rig().flat_map(|in_rig| &in_rig.before).map(|effect| &effect.spec);
+        in_rig().flat_map(|in_rig| &in_rig.of_board).chain(before).map(|spec| spec.name.as_str()).collect()
     }
 
     /// Errors of the last model on fitted and on held-out frames, for a report.

@@ -64,11 +64,12 @@ fn test_record(test: &DriftTest, found: &RigDiagnosis) -> RigDriftTest {
 pub(super) fn camera_record(name: &str, camera: &DiagnosedCamera) -> CameraRecord {
     let texts = |specs: &[PieceSpec]| specs.iter().map(ToString::to_string).collect();
     let shown = |effect: &EffectInRig| RigEffect { effect: effect.spec.to_string(), left_out: effect.left_out };
-    let CameraInRig { poses_from_others, before, effects } = camera.in_rig.clone().unwrap_or_default();
+    let CameraInRig { poses_from_others, of_board, before, effects } = camera.in_rig.clone().unwrap_or_default();
     CameraRecord {
         camera: name.to_owned(),
         poses_from_others,
         effects: texts(&effects),
+        of_board: texts(&of_board),
         in_rig: before.iter().map(shown).collect(),
         diagnosis: camera.record.clone(),
     }

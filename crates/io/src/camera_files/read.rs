@@ -13,7 +13,10 @@ use super::{colmap, document, keys, programs};
 /// # Errors
 /// [`CameraFileError`].
 pub fn read_camera(path: impl AsRef<Path>) -> Result<Intrinsics, CameraFileError> {
-    let given = path.as_ref();
+    read_camera_file(path.as_ref())
+}
+
+fn read_camera_file(given: &Path) -> Result<Intrinsics, CameraFileError> {
     let (path, name) = match given.to_str().and_then(|text| text.rsplit_once('#')) {
         Some((path, name)) if !given.exists() => (PathBuf::from(path), Some(name)),
         _ => (given.to_owned(), None),

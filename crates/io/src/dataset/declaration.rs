@@ -134,7 +134,10 @@ impl DatasetFile {
     /// # Errors
     /// [`DatasetError`] with the file, the line, the field and the remedy.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, DatasetError> {
-        let path = path.as_ref();
+        Self::read_file(path.as_ref())
+    }
+
+    fn read_file(path: &Path) -> Result<Self, DatasetError> {
         Self::parse(path, &read_text(path)?)
     }
 

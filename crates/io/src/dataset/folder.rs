@@ -67,7 +67,11 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError`] with the file, the field and the remedy.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, DatasetError> {
-        let root = root_of(path.as_ref());
+        Self::open_folder(path.as_ref())
+    }
+
+    fn open_folder(path: &Path) -> Result<Self, DatasetError> {
+        let root = root_of(path);
         let file_path = root.join(DATASET_FILE);
         let file = DatasetFile::read(&file_path)?;
         let frames_by_camera = find_frames(root, &file_path, &file)?;

@@ -119,7 +119,10 @@ impl DatasetFile {
     /// # Errors
     /// [`FileError::Invalid`] when [`DatasetFile::read`] would refuse the contents; [`FileError::Write`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        let path = path.as_ref();
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<(), FileError> {
         let invalid = |problem| FileError::Invalid { path: path.to_owned(), field: ".".into(), problem };
         let text = self.to_toml().map_err(|error| invalid(error.to_string()))?;
         // A file that could not be read back is not written.

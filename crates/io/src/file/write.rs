@@ -23,14 +23,13 @@ pub fn write_atomically<F>(path: impl AsRef<Path>, fill: F) -> Result<(), FileEr
 where
     F: FnOnce(&mut dyn Write) -> io::Result<()>,
 {
-    let path = path.as_ref();
-    write(path, fill).map_err(|error| FileError::Write { path: path.to_owned(), error: without_name(error) })
+    let (path, mut fill) = (path.as_ref(), Some(fill));
+    let written = write(path, &mut |writer| fill.take().map_or(Ok(()), |fill| fill(writer)));
+    written.map_err(|error| FileError::Write { path: path.to_owned(), error: without_name(error) })
 }
 
-fn write<F>(path: &Path, fill: F) -> io::Result<()>
-where
-    F: FnOnce(&mut dyn Write) -> io::Result<()>,
-{
+/// For all types of path and contents alike, so that callers do not compile it again.
+fn write(path: &Path, fill: &mut dyn FnMut(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "this is no file name"))?;
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,

@@ -85,7 +85,10 @@ pub fn write_depth(path: impl AsRef<Path>, depth: &DepthImage) -> Result<(), Fil
 /// [`FileError::Invalid`] when the data do not have width × height values, the extension is another, or the format cannot hold
 /// the values; [`FileError::Write`].
 pub fn write_depth_frame(path: impl AsRef<Path>, depth: &DepthFrame) -> Result<(), FileError> {
-    let path = path.as_ref();
+    write_depth_frame_file(path.as_ref(), depth)
+}
+
+fn write_depth_frame_file(path: &Path, depth: &DepthFrame) -> Result<(), FileError> {
     let invalid = |problem: String| FileError::Invalid { path: path.to_owned(), field: "data".into(), problem };
     if depth.width.checked_mul(depth.height) != Some(depth.len()) || depth.is_empty() {
         return Err(invalid(format!("has {} values for {}×{} pixels", depth.len(), depth.width, depth.height)));

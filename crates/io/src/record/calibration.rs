@@ -120,7 +120,11 @@ impl Calibration {
     /// # Errors
     /// [`FileError`] with file and field: another format or version, a missing field, a number out of its range.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        read_versioned(path.as_ref())
+        Self::read_file(path.as_ref())
+    }
+
+    fn read_file(path: &Path) -> Result<Self, FileError> {
+        read_versioned(path)
     }
 
     /// Writes the calibration atomically; every number reads back with the same bits.
@@ -128,7 +132,11 @@ impl Calibration {
     /// # Errors
     /// [`FileError::NotFinite`] or [`FileError::Invalid`] with the field, [`FileError::Write`]; nothing is written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        write_versioned(path.as_ref(), self, false)
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<(), FileError> {
+        write_versioned(path, self, false)
     }
 
     /// Checks, before an evaluation is written into a folder, that the folder has no calibration other than the one that was

@@ -66,6 +66,9 @@ pub struct DiagnosedCamera {
     pub poses_from_others: bool,
     /// Effects that the joint adjustment of the rig took over, as for `calibrate --with`.
     pub effects: Vec<String>,
+    /// Those of `effects` that other cameras show of the board, and that the loop is given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub of_board: Vec<String>,
     /// Those of `effects` that the joint adjustment showed before the loop, which is given them: of a camera without images.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub in_rig: Vec<RigEffect>,
@@ -131,7 +134,10 @@ impl Diagnosis {
     /// # Errors
     /// [`FileError`], naming file and field.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        let path = path.as_ref();
+        Self::read_file(path.as_ref())
+    }
+
+    fn read_file(path: &Path) -> Result<Self, FileError> {
         if read_json::<Form>(path)?.cameras.is_none() {
             return read_json::<CameraDiagnosis>(path).map(Self::from);
         }
@@ -144,7 +150,11 @@ impl Diagnosis {
     /// # Errors
     /// [`FileError`], naming the file.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        write_json(path.as_ref(), self)
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<(), FileError> {
+        write_json(path, self)
     }
 }
 
@@ -172,6 +182,13 @@ impl Serialize for Diagnosis {
 impl DiagnosedCamera {
     /// The diagnosis of a camera that is adjusted alone.
     pub fn alone(camera: String, diagnosis: CameraDiagnosis) -> Self {
-        Self { camera, poses_from_others: false, effects: Vec::new(), in_rig: Vec::new(), diagnosis }
+        Self {
+            camera,
+            poses_from_others: false,
+            effects: Vec::new(),
+            of_board: Vec::new(),
+            in_rig: Vec::new(),
+            diagnosis,
+        }
     }
 }

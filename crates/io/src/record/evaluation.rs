@@ -151,6 +151,10 @@ impl Evaluation {
     /// # Errors
     /// [`FileError::Read`], or [`FileError::Json`] with file and field.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        Self::read_file(path.as_ref())
+    }
+
+    fn read_file(path: &Path) -> Result<Self, FileError> {
         read_json(path)
     }
 
@@ -159,6 +163,10 @@ impl Evaluation {
     /// # Errors
     /// [`FileError::NotFinite`] with the field, [`FileError::Write`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<(), FileError> {
         write_json(path, self)
     }
 

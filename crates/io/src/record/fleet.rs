@@ -220,7 +220,11 @@ impl Fleet {
     /// # Errors
     /// [`FileError`], naming file and field.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        read_json(path.as_ref())
+        Self::read_file(path.as_ref())
+    }
+
+    fn read_file(path: &Path) -> Result<Self, FileError> {
+        read_json(path)
     }
 
     /// Writes `fleet.json`.
@@ -228,6 +232,10 @@ impl Fleet {
     /// # Errors
     /// [`FileError`], naming the file.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        write_json(path.as_ref(), self)
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<(), FileError> {
+        write_json(path, self)
     }
 }

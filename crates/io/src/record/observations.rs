@@ -77,7 +77,11 @@ impl Observations {
     /// # Errors
     /// [`FileError`] with file and field: another format or version, a missing field, a number out of its range.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        read_versioned(path.as_ref())
+        Self::read_file(path.as_ref())
+    }
+
+    fn read_file(path: &Path) -> Result<Self, FileError> {
+        read_versioned(path)
     }
 
     /// Writes the observations atomically and compactly.
@@ -85,7 +89,11 @@ impl Observations {
     /// # Errors
     /// [`FileError::NotFinite`] or [`FileError::Invalid`] with the field, [`FileError::Write`]; nothing is written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        write_versioned(path.as_ref(), self, true)
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<(), FileError> {
+        write_versioned(path, self, true)
     }
 
     /// The frame called `name`.

@@ -64,7 +64,11 @@ impl Prior {
     /// # Errors
     /// [`FileError`] with file and field.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        read_versioned(path.as_ref())
+        Self::read_file(path.as_ref())
+    }
+
+    fn read_file(path: &Path) -> Result<Self, FileError> {
+        read_versioned(path)
     }
 
     /// Writes a prior atomically.
@@ -72,7 +76,11 @@ impl Prior {
     /// # Errors
     /// [`FileError`]; nothing is written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        write_versioned(path.as_ref(), self, false)
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<(), FileError> {
+        write_versioned(path, self, false)
     }
 }
 

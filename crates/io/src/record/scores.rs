@@ -83,7 +83,11 @@ impl Scores {
     /// # Errors
     /// [`FileError`] with file and field.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        read_versioned(path.as_ref())
+        Self::read_file(path.as_ref())
+    }
+
+    fn read_file(path: &Path) -> Result<Self, FileError> {
+        read_versioned(path)
     }
 
     /// Writes scores atomically.
@@ -91,7 +95,11 @@ impl Scores {
     /// # Errors
     /// [`FileError`]; nothing is written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        write_versioned(path.as_ref(), self, true)
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<(), FileError> {
+        write_versioned(path, self, true)
     }
 
     /// Places of an effect's parameters among rows and columns, by its number.

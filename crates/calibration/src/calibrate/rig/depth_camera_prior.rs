@@ -2,6 +2,7 @@
 
 use crate::adjust::blocks::is_depth_only;
 use depthcal_io::LeftOpen;
+use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera};
 
 use crate::adjust::state::ParameterPrior;
@@ -13,11 +14,13 @@ const ASSUMED: [f64; 2] = [0.2, 0.06];
 /// Share of the prior's standard deviation above which the boards say less than the prior.
 const LESS_THAN_PRIOR: f64 = 0.5;
 
-/// Priors of the free parameters that only images determine well: pinhole and lens, about the camera's values.
+/// Priors of the free parameters that only images of this camera determine well: pinhole and lens, about the camera's values. The
+/// board is one for all cameras.
 pub fn priors_of(camera: &Camera, is_declared: bool) -> Vec<ParameterPrior> {
     let [focal, centre] = if is_declared { DECLARED } else { ASSUMED };
     let mut priors = Vec::new();
-    for (number, block) in camera.blocks().iter().enumerate().filter(|(_, b)| !is_depth_only(b)) {
+    let is_of_image = |block: &Block| !is_depth_only(block) && block.hook() != HookKind::Board;
+    for (number, block) in camera.blocks().iter().enumerate().filter(|(_, b)| is_of_image(b)) {
         for (component, parameter) in block.parameters().iter().enumerate().filter(|(i, _)| block.free[*i]) {
             let mean = block.theta[component];
             let sigma = match (block.piece().is_none(), &*parameter.name) {

@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::adjust::smoothness_prior::Smoothness;
-use crate::calibrate::{CalibratedCamera, CameraOptions, lens_named, prepare_depth};
+use crate::calibrate::{CalibratedCamera, CameraOptions, image_blocks, lens_named, prepare_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
 use crate::observe::{CameraFrames, DetectedFrame, MarkerObservation, PosedFrame};
 use depthcal_model::Camera;
+use depthcal_model::hook::HookKind;
 use nalgebra::Isometry3;
 use tracing::info;
 
@@ -89,6 +90,10 @@ pub fn start_depth_camera(
             Camera::new(capture.width, capture.height, pinhole, lens.into_iter().collect())
         }
     };
+    // All cameras see the same board.
+    let effects = image_blocks(options).map_err(|e| CalibrateError::of_camera(&camera.name)(e.into()))?;
+    let of_board = effects.into_iter().filter(|block| block.hook() == HookKind::Board);
+    let start = of_board.fold(start, |start, block| start.with_block(block));
     let agreeing: Vec<&str> = with_plane
         .iter()
         .zip(&place.agreeing)

@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 
 use crate::calibrate::{CalibrateOptions, CalibratedCamera, calibrate_image_or_cause, prepare_depth};
-use crate::observe::{CameraFrames, DroppedFrame, PosedFrame};
+use crate::observe::{CameraFrames, DroppedFrame, PosedFrame, SampledFrame};
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 
 use super::depth_camera_prior::priors_of;
 use super::depth_camera_start::{DepthStart, start_depth_camera};
 use super::known_extrinsics::take_known;
-use crate::adjust::state::{CameraState, RigFrame, State};
+use crate::adjust::adjustment::Adjustment;
+use crate::adjust::state::{CameraState, ParameterPrior, RigFrame, State};
 use crate::calibrate::CalibrateError;
 use crate::observe::Taken;
 use crate::observe::{CameraCapture, Capture};
@@ -65,53 +66,78 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
         take_known(place, camera);
     }
     let frames = rig_frames(capture, &from_images, &places.camera_from_rig, &offsets);
+    let offsets_are_known = offsets.iter().all(Option::is_none);
+    let starts = from_images.into_iter().zip(places.camera_from_rig).zip(offsets);
+    let mut of_cameras = Vec::new();
+    for (camera, ((from_image, camera_from_rig), offset_s)) in with_images.iter().zip(starts) {
+        let lens = (from_image.lens_choice.clone(), from_image.lens_comparison.clone());
+        let prepared = prepare_depth(from_image, &options.of(camera)?);
+        let mut prepared = prepared.map_err(CalibrateError::of_camera(&camera.name))?;
+        (prepared.lens_choice, prepared.lens_comparison) = lens;
+        of_cameras.push(Start { camera, prepared, camera_from_rig, priors: Vec::new(), offset_s, is_declared: false });
+    }
+    let mut state = state_of(&of_cameras, frames, options)?;
+    if of_cameras.len() < capture.cameras.len() {
+        // Poses by images alone follow a bent board, or a wrong lens: depth says how it is tilted. Offsets need the board's motion.
+        if offsets_are_known {
+            Adjustment::of_state(&state, true)?.solve_within(ROUGHLY)?.give(&mut state);
+        }
+        let poses = state.frames.iter().map(|f| (f.name.as_str(), f.rig_from_board)).collect();
+        for camera in capture.cameras.iter().filter(|camera| !camera.has_markers()) {
+            let DepthStart { prepared, camera_from_rig, is_declared } =
+                start_depth_camera(camera, &poses, &options.of(camera)?)?;
+            let priors = priors_of(&prepared.camera, is_declared);
+            let offset_s = is_asked(camera, options).then_some(0.0);
+            of_cameras.push(Start { camera, prepared, camera_from_rig, priors, offset_s, is_declared });
+        }
+        of_cameras.sort_by_key(|start| capture.cameras.iter().position(|camera| camera.name == start.camera.name));
+        state = state_of(&of_cameras, state.frames, options)?;
+    }
+    drop_frames_without_motion(&mut state)?;
+    let is_declared = of_cameras.iter().map(|start| start.is_declared).collect();
+    let alone = of_cameras.into_iter().map(|start| start.prepared).collect();
+    Ok(Started { state, pairs: places.pairs, alone, is_declared })
+}
+
+/// Decrease of the cost by a step below which the adjustment ends that gives cameras without images their poses of the board.
+const ROUGHLY: f64 = 1e-3;
+
+/// A camera before the adjustment of the rig.
+struct Start<'a> {
+    camera: &'a CameraCapture,
+    /// With its depth sampled.
+    prepared: CalibratedCamera,
+    camera_from_rig: Isometry3<f64>,
+    priors: Vec<ParameterPrior>,
+    offset_s: Option<f64>,
+    /// Whether its intrinsics are declared, of one without images.
+    is_declared: bool,
+}
+
+/// The rig of some cameras, whose frames are among `frames`: the union of the cameras'.
+fn state_of(starts: &[Start<'_>], frames: Vec<RigFrame>, options: &CalibrateOptions) -> Result<State, CalibrateError> {
     let number: BTreeMap<&str, usize> = frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
-    let rig_from_board: BTreeMap<&str, Isometry3<f64>> =
-        frames.iter().map(|f| (f.name.as_str(), f.rig_from_board)).collect();
-    let mut with_images = from_images.into_iter().zip(places.camera_from_rig).zip(offsets);
-    let (mut states, mut alone, mut is_declared) = (Vec::new(), Vec::new(), Vec::new());
-    for camera in &capture.cameras {
-        let camera_options = options.of(camera)?;
-        let (prepared, camera_from_rig, priors, offset_s) = if camera.has_markers() {
-            // As many as there are cameras with markers.
-            let Some(((from_image, place), offset_s)) = with_images.next() else { break };
-            let lens = (from_image.lens_choice.clone(), from_image.lens_comparison.clone());
-            let mut prepared =
-                prepare_depth(from_image, &camera_options).map_err(CalibrateError::of_camera(&camera.name))?;
-            (prepared.lens_choice, prepared.lens_comparison) = lens;
-            is_declared.push(false);
-            (prepared, place, Vec::new(), offset_s)
-        } else {
-            let DepthStart { prepared, camera_from_rig, is_declared: declared } =
-                start_depth_camera(camera, &rig_from_board, &camera_options)?;
-            let priors = priors_of(&prepared.camera, declared);
-            is_declared.push(declared);
-            (prepared, camera_from_rig, priors, is_asked(camera, options).then_some(0.0))
-        };
-        let place = |f: &crate::observe::SampledFrame| number.get(f.name.as_str()).copied();
-        // Every frame of a camera is among the rig's, whose frames are the union of the cameras'.
-        let of_frames: Vec<usize> = prepared.capture.frames.iter().filter_map(place).collect();
-        states.push(CameraState {
+    let mut cameras = Vec::new();
+    for Start { camera, prepared, camera_from_rig, priors, offset_s, .. } in starts {
+        let of_frame = |f: &SampledFrame| number.get(f.name.as_str()).copied();
+        cameras.push(CameraState {
             name: camera.name.clone(),
             camera: prepared.camera.clone(),
-            camera_from_rig,
+            camera_from_rig: *camera_from_rig,
             is_placed: camera.camera_from_rig.is_some(),
             drift: None,
-            offset_s,
+            offset_s: *offset_s,
             noise: prepared.noise,
             smoothness: prepared.smoothness.clone(),
             capture: prepared.capture.clone(),
-            frames: of_frames,
+            frames: prepared.capture.frames.iter().filter_map(of_frame).collect(),
             correlation_length_px: prepared.correlation_length_px,
             outliers: prepared.outliers,
-            priors,
-            prior: camera_options.prior.clone(),
+            priors: priors.clone(),
+            prior: options.of(camera)?.prior,
         });
-        alone.push(prepared);
     }
-    let mut state = State { frames, cameras: states };
-    drop_frames_without_motion(&mut state)?;
-    Ok(Started { state, pairs: places.pairs, alone, is_declared })
+    Ok(State { frames, cameras })
 }
 
 /// Whether the time offset of a camera is to be estimated.

@@ -24,7 +24,7 @@ use crate::observe::{CameraFrames, SampledFrame};
 use crate::progress::Job;
 
 /// Most board pixels of a frame, about, on which models are judged with frames left out singly …
-const JUDGED_PIXELS: usize = 16_000;
+const JUDGED_PIXELS: usize = 4000;
 /// … and in blocks, which only decide.
 const JUDGED_PIXELS_OF_BLOCKS: usize = 2000;
 

@@ -17,7 +17,7 @@ const FEWEST: usize = 8;
 
 /// The frames of a camera that the rig's calibration used. Those of a camera without images have markers where the rig's poses
 /// put them in its image ([`with_projected_markers`]).
-pub fn alone(capture: &CameraCapture, fit: &CameraFit, rig: &Calibrated) -> CameraFrames {
+fn alone(capture: &CameraCapture, fit: &CameraFit, rig: &Calibrated) -> CameraFrames {
     let used = |name: &str| fit.calibrated.capture.frames.iter().any(|f| f.name == name);
     let used_frames = capture.capture.subset(|_, frame| used(&frame.name));
     if fit.has_markers() {
@@ -42,14 +42,16 @@ pub fn examined(
     let Some(fit) = rig.camera(&capture.name) else { return Ok(None) };
     let mut calibrate = options.of(capture)?;
     if !fit.has_markers() {
-        calibrate.camera = Some(held_image_pieces(&fit.calibrated.camera));
+        let held = held_image_pieces(&fit.calibrated.camera);
+        calibrate.effects.retain(|effect| held.block(&effect.name).is_none());
+        calibrate.camera = Some(held);
     }
     Ok(Some((alone(capture, fit, rig), calibrate)))
 }
 
 /// A capture with markers where the board's poses in the camera, by the frames' names, put them in the image. Frames whose board
 /// lies outside the image, or that have no pose, are left out.
-pub fn with_projected_markers(
+fn with_projected_markers(
     capture: &CameraFrames,
     camera: &Camera,
     camera_from_board: &BTreeMap<&str, Isometry3<f64>>,
@@ -68,8 +70,8 @@ fn projected(
     target: &Target,
     board: usize,
 ) -> Vec<MarkerObservation> {
-    let marker = |(index, [x, y]): (usize, [f64; 2])| {
-        let pixel = camera.project(&(camera_from_board * Point3::new(x, y, 0.0)).coords)?;
+    let marker = |(index, nominal): (usize, [f64; 2])| {
+        let pixel = camera.project(&(camera_from_board * Point3::from(camera.board_point(nominal))).coords)?;
         let (width, height) = (camera.width as f64, camera.height as f64);
         let inside = pixel[0] >= 0.0 && pixel[1] >= 0.0 && pixel[0] <= width - 1.0 && pixel[1] <= height - 1.0;
         inside.then_some(MarkerObservation { index, pixel, std_px: 1.0 })

@@ -1,26 +1,30 @@
 //! The driver: the rig's calibration, every camera's diagnosis, the rig again with what was added.
 
 use depthcal_io::Verdict;
-use depthcal_model::Register;
 use depthcal_model::hook::HookKind;
+use depthcal_model::{PieceSpec, Register};
+use tracing::info;
 
 use super::alone::examined;
 use super::drift_test::{DriftTest, drift_tests};
 use super::trial::{EffectInRig, Tried, tried_in_rig};
 use crate::adjust::blocks::is_depth_only;
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, CameraOptions, EffectOf, check_evidence, fit};
+use crate::calibrate::{CalibrateOptions, Calibrated, CameraOptions, EffectOf, check_evidence, fit};
 use crate::diagnose::capture_diagnosis::{CameraInRig, DiagnosedCamera, Diagnosis, RigDiagnosis, worst};
 use crate::diagnose::closed_loop::diagnose_camera;
 use crate::diagnose::{DiagnoseError, DiagnoseOptions};
 use crate::judge::evaluate::{evaluate, evaluate_fitted};
-use crate::observe::{CameraCapture, Capture, PlaceDrift};
+use crate::observe::{CameraCapture, CameraFrames, Capture, PlaceDrift};
 
+/// Most examinations of a camera with images: the second is given what others show of the board.
+const PASSES: usize = 2;
 /// Most effects of a camera without images that are added by trials in the rig.
 const MOST_IN_RIG: usize = 3;
 
-/// Diagnoses several cameras: calibrates them with the declared models, runs the loop on each that has depth, and adjusts all
-/// jointly again with the effects that were added. Errors before and after are those on `verify` where it is given, else on one
-/// frame in so many as there are folds, which both fits leave out.
+/// Diagnoses several cameras: runs the loop on each that has images and depth, calibrates them jointly with what these show of the
+/// board, runs the loop on those without images given the others' poses, and adjusts all jointly again with the effects that were
+/// added. Errors before and after are those on `verify` where it is given, else on one frame in so many as there are folds, which
+/// both fits leave out.
 ///
 /// # Errors
 ///
@@ -31,18 +35,21 @@ pub fn diagnose_rig(
     verify: Option<&Capture>,
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, DiagnoseError> {
-    let is_depth = |camera: &&CameraCapture| camera.capture.has_depth();
     // An effect that a camera lacks looks like planes of its frames: the search ignores these, and the last fit has them.
     let asked = options.calibrate.each.frame_planes;
     let options = &DiagnoseOptions { calibrate: with_frame_planes(&options.calibrate, false), ..options.clone() };
-    let declared = fit(capture, &options.calibrate)?;
-    let mut cameras = Vec::new();
-    for camera in capture.cameras.iter().filter(is_depth) {
-        let of_verify = verify.and_then(|v| v.cameras.iter().find(|c| c.name == camera.name));
-        cameras.push(match camera.has_markers() {
-            true => examine(camera, of_verify, &declared, options)?,
-            false => in_rig(capture, camera, &declared, options)?,
-        });
+    let (mut cameras, of_board) = with_images(capture, verify, options)?;
+    let mut given_board = options.clone();
+    let of_board: Vec<PieceSpec> = of_board.into_iter().map(|shown| shown.effect).collect();
+    let of_all = of_board.iter().map(|effect| EffectOf { camera: None, effect: effect.clone() });
+    given_board.calibrate.effects.extend(of_all);
+    if let Some(depth_only) = capture.cameras.iter().find(lacks_images) {
+        info!("{}: the others are adjusted jointly, to place the board in it", depth_only.name);
+        let rig = fit(capture, &given_board.calibrate)?;
+        for camera in capture.cameras.iter().filter(lacks_images) {
+            cameras.push(with_board(in_rig(capture, camera, &rig, &given_board)?, of_board.clone()));
+        }
+        cameras.sort_by_key(|found| capture.cameras.iter().position(|camera| camera.name == found.name));
     }
     let mut with_effects = with_effects_of(&cameras, &options.calibrate)?;
     let usable = without_bad_frames(capture, &cameras);
@@ -65,10 +72,62 @@ pub fn diagnose_rig(
     check_evidence(&last)?;
     let (before, after) = (errors(&options.calibrate)?, errors(&with_effects)?);
     let of_drifts = with_effects.drifts.first().map(|_| Verdict::Effect);
-    let without_depth = capture.cameras.iter().filter(|c| !is_depth(c)).map(|c| c.name.clone()).collect();
+    let without_depth = capture.cameras.iter().filter(|c| !c.capture.has_depth()).map(|c| c.name.clone()).collect();
     let rig = RigDiagnosis { without_depth, drifts, fitted: evaluate_fitted(&last), last, before, after };
     let verdict = worst(cameras.iter().map(DiagnosedCamera::verdict).chain(of_drifts));
     Ok(Diagnosis { verdict, cameras, rig: Some(rig) })
+}
+
+/// An effect of the board that the loop of a camera shows.
+struct ShownByCamera {
+    camera: String,
+    effect: PieceSpec,
+}
+
+/// The loops of the cameras with images and depth, and what they show of the board. There is one board: what one of them shows, the
+/// others are given, and those that were examined without it are examined again.
+fn with_images(
+    capture: &Capture,
+    verify: Option<&Capture>,
+    options: &DiagnoseOptions,
+) -> Result<(Vec<DiagnosedCamera>, Vec<ShownByCamera>), DiagnoseError> {
+    let mut diagnosed: Vec<DiagnosedCamera> = Vec::new();
+    let mut of_board: Vec<ShownByCamera> = Vec::new();
+    for _ in 0..PASSES {
+        for camera in capture.cameras.iter().filter(|camera| camera.capture.has_depth() && camera.has_markers()) {
+            let by_others = of_board.iter().filter(|shown| shown.camera != camera.name);
+            let given: Vec<PieceSpec> = by_others.map(|shown| shown.effect.clone()).collect();
+            let earlier = diagnosed.iter().position(|found| found.name == camera.name);
+            let knows = |effect: &PieceSpec| {
+                earlier.is_some_and(|i| diagnosed[i].effects().iter().any(|known| known.name == effect.name))
+            };
+            if earlier.is_some() && given.iter().all(knows) {
+                continue;
+            }
+            let of_verify = verify.and_then(|v| v.cameras.iter().find(|c| c.name == camera.name));
+            let found = examine_alone(camera, of_verify, &given, options)?;
+            of_board.retain(|shown| shown.camera != camera.name);
+            for step in &found.diagnosis.steps {
+                if is_of_board(&found.register, &step.spec) {
+                    of_board.push(ShownByCamera { camera: camera.name.clone(), effect: step.spec.clone() });
+                }
+            }
+            match earlier {
+                Some(i) => diagnosed[i] = found,
+                None => diagnosed.push(found),
+            }
+        }
+    }
+    Ok((diagnosed, of_board))
+}
+
+fn lacks_images(camera: &&CameraCapture) -> bool {
+    camera.capture.has_depth() && !camera.has_markers()
+}
+
+/// Whether an effect acts on the board, which all cameras see.
+fn is_of_board(register: &Register, effect: &PieceSpec) -> bool {
+    register.make(effect, None).is_ok_and(|block| block.hook() == HookKind::Board)
 }
 
 /// The model with the effects of every camera's diagnosis, and the registers that know them.
@@ -79,10 +138,8 @@ fn with_effects_of(
     let mut with_effects = declared.clone();
     for camera in cameras {
         for effect in camera.in_rig.iter().flat_map(|in_rig| &in_rig.effects) {
-            let block = camera.register.make(effect, None);
-            let block = block.map_err(|e| CalibrateError::of_camera(&camera.name)(e.into()))?;
             // There is one board, which all cameras see.
-            let only_camera = (block.hook() != HookKind::Board).then(|| camera.name.clone());
+            let only_camera = (!is_of_board(&camera.register, effect)).then(|| camera.name.clone());
             let is_known = |known: &EffectOf| {
                 known.effect.name == effect.name && (known.camera.is_none() || known.camera == only_camera)
             };
@@ -130,7 +187,7 @@ fn in_rig(
         before.push(effect);
         present = fit;
     }
-    let mut diagnosed = examine(camera, None, &present, &options)?;
+    let mut diagnosed = examine_in_rig(camera, &present, &options)?;
     if let Some(in_rig) = &mut diagnosed.in_rig {
         in_rig.effects.splice(0..0, before.iter().map(|effect| effect.spec.clone()));
         in_rig.before = before;
@@ -138,30 +195,65 @@ fn in_rig(
     Ok(diagnosed)
 }
 
-/// The loop on one camera.
-fn examine(
+/// The loop on a camera with images, by these alone, given effects of the board.
+fn examine_alone(
     camera: &CameraCapture,
     verify: Option<&CameraCapture>,
+    of_board: &[PieceSpec],
+    options: &DiagnoseOptions,
+) -> Result<DiagnosedCamera, DiagnoseError> {
+    let mut calibrate = options.calibrate.of(camera)?;
+    let is_new = |effect: &&PieceSpec| calibrate.effects.iter().all(|known| known.name != effect.name);
+    let given: Vec<PieceSpec> = of_board.iter().filter(is_new).cloned().collect();
+    calibrate.effects.extend(given.iter().cloned());
+    let register = calibrate.register.clone();
+    let verify = verify.map(|v| &v.capture);
+    let found = looped(&camera.name, &camera.capture, verify, calibrate, (&register, options))?;
+    Ok(with_board(found, given))
+}
+
+/// The diagnosis of a camera whose loop was given effects of the board that others show.
+fn with_board(mut found: DiagnosedCamera, given: Vec<PieceSpec>) -> DiagnosedCamera {
+    if let Some(in_rig) = &mut found.in_rig {
+        in_rig.effects.splice(0..0, given.iter().cloned());
+        in_rig.of_board = given;
+    }
+    found
+}
+
+/// The loop on a camera without images, whose board is where the rig has it.
+fn examine_in_rig(
+    camera: &CameraCapture,
     rig: &Calibrated,
     options: &DiagnoseOptions,
 ) -> Result<DiagnosedCamera, DiagnoseError> {
-    let poses_from_others = !camera.has_markers();
-    let (capture, calibrate) = examined(camera, rig, &options.calibrate)?
+    let (frames, calibrate) = examined(camera, rig, &options.calibrate)?
         .ok_or_else(|| DiagnoseError::LacksCamera { camera: camera.name.clone() })?;
-    let declared_register = calibrate.register.clone();
-    let register = match poses_from_others {
-        // Projected markers are exact: of effects that images show they say nothing.
-        true => of_depth_alone(&calibrate),
-        false => declared_register.clone(),
-    };
-    // In another dataset a camera without images has no poses of its own; its frames are cross-validated.
-    let verify = verify.filter(|_| !poses_from_others).map(|v| &v.capture);
-    let diagnosis = diagnose_camera(&capture, verify, &options.of(CameraOptions { register, ..calibrate }))
-        .map_err(|source| DiagnoseError::Camera { camera: camera.name.clone(), source: Box::new(source) })?;
+    // Projected markers are exact: of effects that images show they say nothing. In another dataset the camera has no poses: its
+    // frames are cross-validated.
+    let (of_depth, register) = (of_depth_alone(&calibrate), calibrate.register.clone());
+    let calibrate = CameraOptions { register: of_depth, ..calibrate };
+    let mut found = looped(&camera.name, &frames, None, calibrate, (&register, options))?;
+    if let Some(in_rig) = &mut found.in_rig {
+        in_rig.poses_from_others = true;
+    }
+    Ok(found)
+}
+
+/// The loop on frames of a camera, whose pieces `register` has.
+fn looped(
+    name: &str,
+    frames: &CameraFrames,
+    verify: Option<&CameraFrames>,
+    calibrate: CameraOptions,
+    (register, options): (&Register, &DiagnoseOptions),
+) -> Result<DiagnosedCamera, DiagnoseError> {
+    let diagnosis = diagnose_camera(frames, verify, &options.of(calibrate))
+        .map_err(|source| DiagnoseError::Camera { camera: name.to_owned(), source: Box::new(source) })?;
     let effects = diagnosis.steps.iter().map(|step| step.spec.clone()).collect();
-    let register = diagnosis.register(&declared_register)?;
-    let in_rig = Some(CameraInRig { poses_from_others, before: Vec::new(), effects });
-    Ok(DiagnosedCamera { name: camera.name.clone(), diagnosis, register, in_rig })
+    let register = diagnosis.register(register)?;
+    let in_rig = Some(CameraInRig { effects, ..CameraInRig::default() });
+    Ok(DiagnosedCamera { name: name.to_owned(), diagnosis, register, in_rig })
 }
 
 /// The register without effects of board, lens and pixels that are not declared.

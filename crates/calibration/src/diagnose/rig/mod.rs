@@ -7,7 +7,7 @@ mod joint_search;
 mod left_out;
 mod trial;
 
-pub use alone::{alone, examined, with_projected_markers};
+pub use alone::examined;
 pub use drift_test::{DriftTest, drift_tests};
 pub(super) use driver::diagnose_rig;
 pub use trial::EffectInRig;
