@@ -41,11 +41,24 @@ fn open(source: Source<'_>) -> Result<Connection, ImportError> {
     // A view of these names could compute anything, as its own SQL says.
     let tables =
         "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND rootpage > 0 AND name IN ('topics', 'messages')";
-    let count: i64 = database.query_row(tables, [], |row| row.get(0)).map_err(fault)?;
+    let tables = || database.query_row(tables, [], |row| row.get(0));
+    let count: i64 = match tables() {
+        // Its first page tells of more pages than there are. This is the pragma with which SQLite reads those that are.
+        Err(error) if is_corrupt(&error) => {
+            database.execute_batch("PRAGMA writable_schema = ON").map_err(fault)?;
+            tables()
+        }
+        read => read,
+    }
+    .map_err(fault)?;
     if count != 2 {
         return Err(source.damaged(KIND, "it does not have the two tables topics and messages"));
     }
     Ok(database)
+}
+
+fn is_corrupt(error: &rusqlite::Error) -> bool {
+    error.sqlite_error_code() == Some(ErrorCode::DatabaseCorrupt)
 }
 
 pub(super) fn visit(
@@ -97,7 +110,7 @@ fn messages(
         let row = match rows.next() {
             Ok(Some(row)) => row,
             Ok(None) => return Ok(End::Whole),
-            Err(error) if error.sqlite_error_code() == Some(ErrorCode::DatabaseCorrupt) => return Ok(End::Cut),
+            Err(error) if is_corrupt(&error) => return Ok(End::Cut),
             Err(error) => return Err(fault(error)),
         };
         *has_messages = true;

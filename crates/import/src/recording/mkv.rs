@@ -50,6 +50,7 @@ pub(super) fn visit(
             Ok(true) => has_frames = true,
             Ok(false) => return Ok(End::Whole),
             // A recording that was interrupted, or a copy that is not complete.
+            Err(DemuxError::ElementSizeExceedsStream { .. }) if has_frames => return Ok(End::Cut),
             Err(DemuxError::IoError(error)) if has_frames && error.kind() == ErrorKind::UnexpectedEof => {
                 return Ok(End::Cut);
             }
