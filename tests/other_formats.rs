@@ -78,7 +78,7 @@ fn apply_keeps_the_format_and_floats_are_not_rounded() {
     );
 }
 
-/// The raw disparities of a Kinect 1, d = 1091.5 − 348 m / z: refused as depth with what to write, and calibrated and corrected so.
+/// The raw disparities of a Kinect 1, d = 1091.5 − 348 m / z: refused as depth, with what to write; so they are calibrated.
 #[test]
 fn disparities_are_named_and_with_their_declaration_calibrated() {
     let folder = Folder::new();

@@ -39,8 +39,9 @@ pub fn bag(messages: &[Message], is_compressed: bool, is_interrupted: bool) -> V
         let kind = format!("type={}", message.kind(true));
         let connection =
             record(fields(&[b"op=\x07", &conn, topic.as_bytes()]), &fields(&[kind.as_bytes(), b"md5sum=*"]));
-        let [seconds, rest] = [message.time_ns / 1_000_000_000, message.time_ns % 1_000_000_000].map(|t| t as u32);
-        let time = [&b"time="[..], &seconds.to_le_bytes(), &rest.to_le_bytes()].concat();
+        let [seconds, nanoseconds] =
+            [message.time_ns / 1_000_000_000, message.time_ns % 1_000_000_000].map(|t| t as u32);
+        let time = [&b"time="[..], &seconds.to_le_bytes(), &nanoseconds.to_le_bytes()].concat();
         let data = record(fields(&[b"op=\x02", &conn, &time]), &message.bytes(true));
         let records = [connection, data].concat();
         let size = [&b"size="[..], &(records.len() as u32).to_le_bytes()].concat();

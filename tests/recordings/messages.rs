@@ -7,7 +7,7 @@ pub struct Message {
     pub body: Body,
 }
 
-/// What a message holds.
+/// The contents of a message.
 #[derive(Clone)]
 pub enum Body {
     /// `sensor_msgs/Image` of these sides and bytes per row.

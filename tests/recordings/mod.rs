@@ -326,8 +326,8 @@ fn images_of_other_encodings_are_calibrated() {
         Message { topic: m.topic.clone(), time_ns: m.time_ns, body }
     };
     for encoding in ["mono12p", "bayer_rggb16", "bayer_gbrg16"] {
-        let of = |m: &Message| encoded(m, if m.topic == IMAGE { encoding } else { "16UC1" });
-        let of_encoding: Vec<Message> = messages.iter().map(of).collect();
+        let in_encoding = |m: &Message| encoded(m, if m.topic == IMAGE { encoding } else { "16UC1" });
+        let of_encoding: Vec<Message> = messages.iter().map(in_encoding).collect();
         folder.write("a.mcap", containers::mcap(&of_encoding, false));
         import(&folder, "a.mcap", encoding, &[]);
         calibrates(&folder, encoding, encoding);

@@ -74,8 +74,8 @@ impl CameraInfo {
             && (cx - dx).abs().max((cy - dy).abs()) <= 0.5
     }
 
-    /// The camera in a `dataset.toml`: numbers where the lens is Brown's and Conrady's, the file of this name otherwise. A lens that
-    /// is not read is left out, and said.
+    /// The camera in a `dataset.toml`: numbers where the lens is Brown's and Conrady's, the file of this name otherwise. A lens
+    /// that is not read is left out, and said.
     pub(crate) fn hint(&self, file: &str) -> CameraHint {
         let [fx, fy, cx, cy] = self.pinhole;
         let numbers = |distortion: Vec<f64>| CameraHint {

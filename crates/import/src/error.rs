@@ -85,16 +85,16 @@ pub enum ImportError {
     },
     /// No image has depth near in time.
     #[error(
-        "{path}: no image has depth near in time: {image}, {depth}; if they were recorded together, by two clocks, pair them by a constant \
-         offset (--pair {offset_s:.3}, seconds that are added to the depth's times) or by their order (--pair order)"
+        "{path}: no image has depth near in time: {}, {}; if they were recorded together, by two clocks, pair them by a constant \
+         offset (--pair {offset_s:.3}, seconds that are added to the depth's times) or by their order (--pair order)",
+        .streams[0],
+        .streams[1]
     )]
     Unpaired {
         /// The file.
         path: PathBuf,
-        /// Times of the images.
-        image: Span,
-        /// Times of the depth.
-        depth: Span,
+        /// Times of the images and of the depth.
+        streams: Box<[Span; 2]>,
         /// Seconds between the two clocks, as far as the recording tells.
         offset_s: f64,
     },

@@ -24,9 +24,9 @@ pub(crate) struct Candidate {
 /// How the pixels of an image and of a depth image are related.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Grid {
-    /// The same pixels, by their intrinsics or by what the streams are.
+    /// Equal pixels, by their intrinsics or by what the streams are.
     One,
-    /// The same size, and nothing that says more.
+    /// An equal size, and nothing that says more.
     Assumed,
     /// Those of two cameras, by their sizes or intrinsics.
     Two,
@@ -82,8 +82,8 @@ impl Probed {
         })?;
         for candidate in &mut probed.candidates {
             candidate.info = info_of(candidate, &probed.infos);
-            let unit = probed.units.iter().filter(|(name, _)| candidate.stream.name.starts_with(sensor(name)));
-            if let Some((_, unit_mm)) = unit.last() {
+            let unit = probed.units.iter().find(|(name, _)| candidate.stream.name.starts_with(sensor(name)));
+            if let Some((_, unit_mm)) = unit {
                 candidate.unit_mm = *unit_mm;
             }
         }
@@ -270,8 +270,8 @@ fn image_rank(c: &Candidate, depth: Option<&Candidate>) -> Option<i32> {
     )
 }
 
-/// The intrinsics of a stream by ROS' convention, `camera_info` beside the images (of RealSense's recorder, `info/camera_info` beside
-/// `image/data`): those in the folder nearest above the stream, of its size.
+/// The intrinsics of a stream by ROS' convention, `camera_info` beside the images (of RealSense's recorder, `info/camera_info`
+/// beside `image/data`): those in the folder nearest above the stream, of its size.
 fn info_of(stream: &Candidate, infos: &[(String, CameraInfo)]) -> Option<CameraInfo> {
     let folder = |topic: &str| {
         let folder = topic.strip_suffix("camera_info").unwrap_or(topic);

@@ -107,8 +107,7 @@ fn unpaired(recording: &Recording, [image, depth]: [&Candidate; 2], depths: &[Ti
     };
     ImportError::Unpaired {
         path: recording.path.clone(),
-        image: span(image, &images),
-        depth: span(depth, depths),
+        streams: Box::new([span(image, &images), span(depth, depths)]),
         offset_s: offset_ns as f64 / 1e9,
     }
 }

@@ -97,9 +97,10 @@ fn messages(
             }
             Some(MESSAGE) => {
                 let Some((stream, true)) = streams.get(&connection()?) else { continue };
-                let time = field(header, b"time=").and_then(|time| time.as_chunks::<4>().0.as_array());
-                let [seconds, nanoseconds] = time.copied().ok_or_else(broken)?.map(u32::from_le_bytes).map(u64::from);
-                let time_ns = seconds * 1_000_000_000 + nanoseconds;
+                let time = field(header, b"time=").and_then(|time| time.first_chunk()).ok_or_else(broken)?;
+                // Seconds in the lower half, nanoseconds in the upper one.
+                let time = u64::from_le_bytes(*time);
+                let time_ns = (time & 0xffff_ffff) * 1_000_000_000 + (time >> 32);
                 let packet = Packet { stream, layout: Layout::Ros1, time_ns, data: Cow::Borrowed(data) };
                 if visitor(packet)?.is_break() {
                     return Ok(false);

@@ -1,4 +1,4 @@
-//! What ROS 2 compresses by zstd: whole files, and single messages.
+//! Files and messages that ROS 2 compresses by zstd.
 
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read, Write};
