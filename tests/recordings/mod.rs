@@ -104,11 +104,14 @@ fn every_container_is_imported_and_calibrated() {
     containers::db3(&folder.path("plain.db3"), &messages, false);
     containers::db3(&folder.path("db3/packed_0.db3"), &messages, true);
     let whole = zstd::encode_all(&std::fs::read(folder.path("plain.db3")).unwrap()[..], 1).unwrap();
+    // Of a file that was decompressed beside itself one is read.
+    folder.write("both/whole_0.db3.zstd", &whole);
+    std::fs::copy(folder.path("plain.db3"), folder.path("both/whole_0.db3")).unwrap();
     folder.write("file/whole_0.db3.zstd", whole);
     let names = |m: Message| Message { topic: if m.topic == IMAGE { "IR".into() } else { "DEPTH".into() }, ..m };
     let tracks: Vec<Message> = messages.into_iter().filter(|m| m.topic != INFO).map(names).collect();
     folder.write("tracks.mkv", containers::mkv(&tracks));
-    for name in ["plain.bag", "packed.bag", "plain.mcap", "folder", "plain.db3", "db3", "file", "tracks.mkv"] {
+    for name in ["plain.bag", "packed.bag", "plain.mcap", "folder", "plain.db3", "db3", "file", "both", "tracks.mkv"] {
         let out = format!("of-{name}");
         let (json, _) = import(&folder, name, &out, &[]);
         assert_eq!((&json["of_images"], &json["is_rig"]), (&FRAMES.into(), &false.into()), "{name}: {json}");

@@ -76,10 +76,10 @@ impl Recording {
         let mut files: Vec<PathBuf> =
             entries.iter().map(std::fs::DirEntry::path).filter(|file| file.is_file()).collect();
         files.sort_by_cached_key(|file| numbered(&file.file_name().unwrap_or_default().to_string_lossy()));
-        // `ros2 bag play` puts a file beside the compressed one.
         let present = files.clone();
-        files
-            .retain(|file| file.extension().is_none_or(|e| e != "zstd") || !present.contains(&file.with_extension("")));
+        files.retain(|file| {
+            file.extension().is_none_or(|e| e != "zstd") || is_missing(&present, &file.with_extension(""))
+        });
         for file in files {
             let part = recording.part(&file)?;
             recording.parts.extend(part);
@@ -149,6 +149,11 @@ impl Recording {
         }
         Ok(())
     }
+}
+
+/// Whether a file that is there compressed is one of a recording, and not there as well: `ros2 bag play` puts it beside.
+fn is_missing(present: &[PathBuf], file: &PathBuf) -> bool {
+    file.extension().is_some_and(|e| e == "db3" || e == "mcap") && !present.contains(file)
 }
 
 /// The first bytes of a file.
