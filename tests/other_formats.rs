@@ -3,7 +3,11 @@
 use std::fmt::Write as _;
 
 use crate::support::{self, BOARD, Folder, HEIGHT, WIDTH, calibration_with_unit, depth, fails, stdout, succeeds};
-use depthcal::io::{Calibration, DepthFrame, DepthValues, Observations, read_depth_frame, write_depth_frame};
+use depthcal::io::{
+    Calibration, DepthFrame, DepthImage, DepthValues, Observations, read_depth, read_depth_frame, read_json,
+    write_depth, write_depth_frame,
+};
+use depthcal_simulate::{Board, CameraTruth, Kind, Pattern, Rendering, Simulation};
 
 /// Floating-point depth in metres, with pixels that are no measurement.
 fn metres() -> DepthFrame {
@@ -72,6 +76,45 @@ fn apply_keeps_the_format_and_floats_are_not_rounded() {
         ["apply", &calibration, &folder.arg("steps"), "--unit-mm", "1000", "--out", &folder.arg("m")],
         &["1000 mm", "unit_mm"],
     );
+}
+
+/// The raw disparities of a Kinect 1, d = 1091.5 − 348 m / z: refused as depth, with what to write; so they are calibrated.
+#[test]
+fn disparities_are_named_and_with_their_declaration_calibrated() {
+    let folder = Folder::new();
+    let board = Board::new(Pattern::Chessboard, 8, 5, 40.0);
+    let rendering = Rendering { depth_unit_mm: 1.0, ..Rendering::default() };
+    let simulation = Simulation::new(CameraTruth::ideal(320, 240, 310.0), Kind::Filling1, &[], 5);
+    simulation.board(board).frames(9).rendering(rendering).write_dataset(folder.path("data")).unwrap();
+    for name in folder.names("data/depth") {
+        let path = folder.path(&format!("data/depth/{name}"));
+        let mut image = read_depth(&path).unwrap();
+        for value in &mut image.data {
+            let disparity = 1091.5 - 348_000.0 / f64::from(*value);
+            *value =
+                if DepthImage::is_measurement(*value) { disparity.round().clamp(0.0, 2047.0) as u16 } else { 2047 };
+        }
+        write_depth(&path, &image).unwrap();
+    }
+    let (data, result) = (folder.arg("data"), folder.arg("result"));
+    fails(["calibrate", &data, "--out", &result], &["hold disparities", "disparity = [3.1", "under [depth]"]);
+    let declared = std::fs::read_to_string(folder.path("data/dataset.toml")).unwrap();
+    let disparity = "kind = \"disparity\"\ndisparity = [3.1365e-3, -2.8736e-6]";
+    folder.write("data/dataset.toml", declared.replace("unit_mm = 1.0", disparity));
+    succeeds(["calibrate", &data, "--out", &result]);
+    let calibration: Calibration = read_json(folder.path("result/calibration.json")).unwrap();
+    let rms_mm = calibration.camera.depth_rms_mm.or(calibration.fit.depth_rms_mm).unwrap();
+    // A step of the disparity is 1 mm at 600 mm; its rounding alone 0.3 mm.
+    assert!(rms_mm < 3.0 && calibration.camera.depth_unit_mm.is_none(), "{rms_mm} mm");
+    let json = folder.arg("result/calibration.json");
+    fails(["apply", &json, &data, "--out", &folder.arg("png")], &["--format tiff"]);
+    succeeds(["apply", &json, &data, "--out", &folder.arg("tiff"), "--format", "tiff"]);
+    let corrected = read_depth_frame(folder.path("tiff").join(&folder.names("tiff")[0])).unwrap();
+    let mut valid: Vec<f64> = (0..corrected.len()).filter_map(|i| corrected.measurement(i)).collect();
+    valid.sort_by(f64::total_cmp);
+    assert!((200.0..3000.0).contains(&valid[valid.len() / 2]), "{} mm", valid[valid.len() / 2]);
+    // The calibration has no unit for files whose numbers it does not know.
+    fails(["apply", &json, &folder.arg("data/depth"), "--out", &folder.arg("no")], &["the depth unit is unknown"]);
 }
 
 #[test]

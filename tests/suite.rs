@@ -25,6 +25,8 @@ mod json;
 mod measured;
 mod other_formats;
 mod own_model;
+#[cfg(feature = "import")]
+mod recordings;
 mod rendered;
 mod repeatable;
 mod rig_traced;

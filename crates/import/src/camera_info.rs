@@ -1,6 +1,10 @@
 //! Intrinsics that a recording carries.
 
 use std::fmt::Write;
+use std::path::Path;
+
+use depthcal_io::camera_files::parse_camera;
+use depthcal_io::{CameraHint, IntrinsicNumbers};
 
 use crate::fields::Fields;
 
@@ -20,8 +24,25 @@ pub struct CameraInfo {
 }
 
 impl CameraInfo {
-    /// Reads a message; `None` where it is cut off, or its numbers are no camera's.
-    pub(crate) fn read(mut fields: Fields<'_>) -> Option<Self> {
+    /// Reads a message of an image that is reduced and cut out as it says.
+    ///
+    /// # Errors
+    /// That the message is cut off, that the camera was not calibrated, or that its numbers are no camera's.
+    pub(crate) fn read(fields: Fields<'_>) -> Result<Self, String> {
+        let info = Self::fields(fields).ok_or("a message is cut off or not of its type")?;
+        if info.pinhole[..2] == [0.0; 2] {
+            return Err("its focal lengths are zero: the driver has no calibration".to_owned());
+        }
+        if !info.is_plausible() {
+            let [fx, fy, cx, cy] = info.pinhole;
+            return Err(format!("focal lengths of {fx}, {fy} px and the centre {cx}, {cy} px are no camera's"));
+        }
+        Ok(info)
+    }
+
+    /// `sensor_msgs/CameraInfo`. K is of the whole image; binning divides it, after the region of interest was cut out
+    /// (image_geometry's PinholeCameraModel).
+    fn fields(mut fields: Fields<'_>) -> Option<Self> {
         fields.header()?;
         let (height, width) = (fields.u32()? as usize, fields.u32()? as usize);
         let model = fields.string()?;
@@ -30,8 +51,47 @@ impl CameraInfo {
         for entry in &mut k {
             *entry = fields.f64()?;
         }
-        let pinhole = [k[0], k[4], k[2], k[5]];
-        Some(CameraInfo { width, height, model, distortion, pinhole }).filter(CameraInfo::is_plausible)
+        // R and P are of rectified images.
+        for _ in 0..9 + 12 {
+            fields.f64()?;
+        }
+        let binning = [fields.u32()?, fields.u32()?].map(|b| b.max(1) as usize);
+        let [left, top, roi_height, roi_width] = [fields.u32()?, fields.u32()?, fields.u32()?, fields.u32()?];
+        let size = |roi: u32, whole: usize| if roi == 0 { whole } else { roi as usize };
+        let (width, height) = (size(roi_width, width) / binning[0], size(roi_height, height) / binning[1]);
+        let [bx, by] = binning.map(|b| b as f64);
+        let pinhole = [k[0] / bx, k[4] / by, (k[2] - f64::from(left)) / bx, (k[5] - f64::from(top)) / by];
+        Some(CameraInfo { width, height, model, distortion, pinhole })
+    }
+
+    /// Whether both are of one pixel grid: equal sizes, and centre and focal lengths equal to half a pixel and a thousandth.
+    pub(crate) fn is_of_grid(&self, other: &Self) -> bool {
+        let ([fx, fy, cx, cy], [gx, gy, dx, dy]) = (self.pinhole, other.pinhole);
+        let focal = |f: f64, g: f64| (f / g - 1.0).abs() <= 1e-3;
+        [self.width, self.height] == [other.width, other.height]
+            && focal(fx, gx)
+            && focal(fy, gy)
+            && (cx - dx).abs().max((cy - dy).abs()) <= 0.5
+    }
+
+    /// The camera in a `dataset.toml`: numbers where the lens is Brown's and Conrady's, the file of this name otherwise. A lens
+    /// that is not read is left out, and said.
+    pub(crate) fn hint(&self, file: &str) -> CameraHint {
+        let [fx, fy, cx, cy] = self.pinhole;
+        let numbers = |distortion: Vec<f64>| CameraHint {
+            numbers: Some(IntrinsicNumbers { fx, fy, cx, cy, skew: 0.0, distortion }),
+            ..CameraHint::default()
+        };
+        if let Some(distortion) = self.brown_conrady() {
+            return numbers(distortion.to_vec());
+        }
+        match parse_camera(Path::new(file), &self.yaml(""), None) {
+            Ok(_) => CameraHint { intrinsics: Some(file.to_owned()), ..CameraHint::default() },
+            Err(error) => {
+                tracing::warn!("the lens is left out of the start values: {error}");
+                numbers(Vec::new())
+            }
+        }
     }
 
     /// Whether a `dataset.toml` takes these numbers. Drivers without a calibration write zeros.

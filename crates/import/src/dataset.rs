@@ -3,12 +3,12 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use depthcal_io::{CameraHint, CameraSection, DATASET_FILE, DatasetFile, IntrinsicNumbers, write_atomically};
+use depthcal_io::{CameraSection, DATASET_FILE, DatasetFile, write_atomically};
 use depthcal_model::Target;
 
 use crate::camera_info::CameraInfo;
 use crate::error::ImportError;
-use crate::guess::Chosen;
+use crate::guess::{Candidate, Chosen};
 use crate::pick::Picked;
 use crate::recording::{Recording, StreamInfo};
 
@@ -23,12 +23,20 @@ pub struct Imported {
     pub searched: Option<(usize, usize)>,
     /// The stream of the images.
     pub image: StreamInfo,
-    /// The stream of the depth; `None` where there is none on the image's pixel grid.
+    /// The stream of the depth; `None` where there is none.
     pub depth: Option<StreamInfo>,
+    /// Whether image and depth are declared as two cameras, since they differ in size or intrinsics.
+    pub is_rig: bool,
+    /// Millimetres per step or unit of the depth.
+    pub unit_mm: Option<f64>,
     /// All streams of images, with their width and height, px.
     pub streams: Vec<(StreamInfo, [usize; 2])>,
-    /// Intrinsics that the recording carries.
+    /// Intrinsics of the image that the recording carries.
     pub camera: Option<CameraInfo>,
+    /// Intrinsics of the depth, where it has a camera of its own.
+    pub depth_camera: Option<CameraInfo>,
+    /// Files that are cut off, and were read up to their last complete message.
+    pub cut: Vec<PathBuf>,
     /// Picked images that have no depth near in time, and were not written.
     pub without_depth: usize,
     /// Files that were written, without those of the frames.
@@ -68,8 +76,12 @@ pub(crate) fn describe(
         let _ = writeln!(table, "{name},{:.6}", (time_ns - first) as f64 / 1e9);
     }
     file("frames.csv", table.as_bytes())?;
-    if let Some(info) = &chosen.info {
-        file("camera_info.yaml", info.yaml(&chosen.image.stream.name).as_bytes())?;
+    let is_rig = chosen.is_rig();
+    let depth_camera = chosen.depth.as_ref().filter(|_| is_rig);
+    for (camera, name) in [(Some(&chosen.image), IMAGE_INFO), (depth_camera, DEPTH_INFO)] {
+        if let Some((camera, info)) = camera.and_then(|camera| Some((camera, camera.info.as_ref()?))) {
+            file(name, info.yaml(&camera.stream.name).as_bytes())?;
+        }
     }
     if let Some(factory) = &chosen.factory {
         file("factory_calibration.json", factory)?;
@@ -88,7 +100,7 @@ pub(crate) fn describe(
     let text = match board {
         Some(_) => text,
         None => {
-            let start = text.find("[frames]").unwrap_or(0);
+            let start = text.find("[frames]").or(text.find("[cameras.")).unwrap_or(0);
             format!(
                 "# The board is not known: describe it here, for example\n# [board]\n# kind = \"charuco\"\n# columns = 9\n# rows = 6\n# \
                  spacing_mm = 24.0\n# marker_mm = 18.0\n# dictionary = \"DICT_5X5_100\"\n\n{}",
@@ -104,41 +116,42 @@ pub(crate) fn describe(
         image: chosen.image.stream.clone(),
         depth: chosen.depth.as_ref().map(|depth| depth.stream.clone()),
         streams: chosen.candidates.iter().map(|c| (c.stream.clone(), c.size)).collect(),
-        camera: chosen.info.clone(),
+        is_rig,
+        unit_mm: chosen.depth.as_ref().map(|depth| depth.unit_mm),
+        camera: chosen.image.info.clone(),
+        depth_camera: depth_camera.and_then(|depth| depth.info.clone()),
+        cut: recording.cut(),
         without_depth: picked.images.len() - frames.len(),
         written,
     })
 }
 
+/// Files of intrinsics, of the image and of depth with a camera of its own.
+const IMAGE_INFO: &str = "camera_info.yaml";
+const DEPTH_INFO: &str = "camera_info_depth.yaml";
+
 /// The description of the dataset, with the extensions of its images and of its depth.
 fn description(chosen: &Chosen, board: Target, [image_extension, depth_extension]: [&str; 2]) -> DatasetFile {
-    let is_metres = chosen.depth.as_ref().is_some_and(|depth| depth.is_metres);
-    DatasetFile {
-        board,
-        metadata: Some("frames.csv".into()),
-        associations: None,
-        within_s: None,
-        cameras: vec![CameraSection {
-            image: Some(format!("image/*.{image_extension}")),
-            depth: chosen.depth.as_ref().map(|_| format!("depth/*.{depth_extension}")),
-            // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
-            unit_mm: chosen.depth.as_ref().map(|_| if is_metres { 1000.0 } else { 1.0 }),
-            camera: chosen.info.as_ref().map(camera_hint),
-            camera_from_rig: None,
-            ..CameraSection::default()
-        }],
-    }
-}
-
-/// The intrinsics of the recording as numbers, or as a file where the lens is of another model than Brown's and Conrady's.
-fn camera_hint(info: &CameraInfo) -> CameraHint {
-    let [fx, fy, cx, cy] = info.pinhole;
-    match info.brown_conrady() {
-        Some(distortion) => {
-            let distortion = distortion.to_vec();
-            let numbers = Some(IntrinsicNumbers { fx, fy, cx, cy, skew: 0.0, distortion });
-            CameraHint { numbers, ..CameraHint::default() }
+    let hint = |camera: &Candidate, file: &str| camera.info.as_ref().map(|info| info.hint(file));
+    let image = CameraSection {
+        image: Some(format!("image/*.{image_extension}")),
+        camera: hint(&chosen.image, IMAGE_INFO),
+        ..CameraSection::default()
+    };
+    let files = |depth: &Candidate| (Some(format!("depth/*.{depth_extension}")), Some(depth.unit_mm));
+    let cameras = match &chosen.depth {
+        None => vec![image],
+        Some(depth) if chosen.is_rig() => {
+            let (glob, unit_mm) = files(depth);
+            let camera = hint(depth, DEPTH_INFO);
+            let second =
+                CameraSection { depth: glob, unit_mm, camera, name: "depth".into(), ..CameraSection::default() };
+            vec![CameraSection { name: "image".into(), ..image }, second]
         }
-        None => CameraHint { intrinsics: Some("camera_info.yaml".to_owned()), ..CameraHint::default() },
-    }
+        Some(depth) => {
+            let (glob, unit_mm) = files(depth);
+            vec![CameraSection { depth: glob, unit_mm, ..image }]
+        }
+    };
+    DatasetFile { board, metadata: Some("frames.csv".into()), associations: None, within_s: None, cameras }
 }

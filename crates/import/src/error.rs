@@ -4,6 +4,26 @@ use std::path::PathBuf;
 
 use depthcal_io::{FileError, ImageError};
 
+/// The times of a stream's images.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Span {
+    /// Name of the stream.
+    pub stream: String,
+    /// Number of images.
+    pub count: usize,
+    /// Time of the first, s, by its own clock.
+    pub first_s: f64,
+    /// Time of the last, s.
+    pub last_s: f64,
+}
+
+impl std::fmt::Display for Span {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Span { stream, count, first_s, last_s } = self;
+        write!(f, "{count} of {stream} from {first_s:.3} s to {last_s:.3} s")
+    }
+}
+
 /// Why a recording cannot be imported. Every message names the file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -18,7 +38,8 @@ pub enum ImportError {
     },
     /// A file that is no recording of a known kind.
     #[error(
-        "{path}: this is no recording that can be imported: give an MCAP, a ROS 2 bag (.db3), a ROS 1 bag, or an Azure Kinect or Femto .mkv"
+        "{path}: this is no recording that can be imported: give an MCAP, a ROS 2 bag (.db3, or its folder), a ROS 1 bag, or an Azure Kinect or \
+         Femto .mkv"
     )]
     UnknownKind {
         /// The file.
@@ -61,6 +82,47 @@ pub enum ImportError {
         wanted: String,
         /// Names of the streams of images.
         streams: String,
+    },
+    /// No image has depth near in time.
+    #[error(
+        "{path}: no image has depth near in time: {}, {}; if they were recorded together, by two clocks, pair them by a constant \
+         offset (--pair {offset_s:.3}, seconds that are added to the depth's times) or by their order (--pair order)",
+        .streams[0],
+        .streams[1]
+    )]
+    Unpaired {
+        /// The file.
+        path: PathBuf,
+        /// Times of the images and of the depth.
+        streams: Box<[Span; 2]>,
+        /// Seconds between the two clocks, as far as the recording tells.
+        offset_s: f64,
+    },
+    /// Images and depth are to be paired by their order, but there are not as many of both.
+    #[error(
+        "{path}: {images} images and {depths} depth images are not paired by their order: leave --pair out, or give an offset in seconds"
+    )]
+    Counts {
+        /// The file.
+        path: PathBuf,
+        /// Number of images.
+        images: usize,
+        /// Number of depth images.
+        depths: usize,
+    },
+    /// All images are within the part that is left out.
+    #[error(
+        "{path}: none of the {images} images of {stream} is later than {skip_s} s after the first: make --skip-s smaller"
+    )]
+    Skipped {
+        /// The file.
+        path: PathBuf,
+        /// Name of the stream.
+        stream: String,
+        /// Number of images.
+        images: usize,
+        /// Seconds that are left out.
+        skip_s: f64,
     },
     /// Nothing to write.
     #[error(

@@ -21,7 +21,7 @@ impl<'a> Fields<'a> {
                 Some(Fields { rest: fields, position: 0, aligned: true, big: order == 0 })
             }
             Layout::Ros1 => Some(Fields { rest: data, position: 0, aligned: false, big: false }),
-            Layout::Track(_) => None,
+            Layout::Track(_) | Layout::Unread => None,
         }
     }
 

@@ -7,7 +7,7 @@ use crate::azure;
 use crate::camera_info::CameraInfo;
 use crate::error::ImportError;
 use crate::message::{Content, content, has_images, has_info};
-use crate::recording::{Packet, Recording, StreamInfo, attachment};
+use crate::recording::{Packet, Recording, StreamInfo};
 
 /// A stream of images by its first message.
 #[derive(Debug, Clone)]
@@ -15,7 +15,21 @@ pub(crate) struct Candidate {
     pub stream: StreamInfo,
     pub size: [usize; 2],
     pub may_be_depth: bool,
-    pub is_metres: bool,
+    /// Millimetres per step, or per unit of floating-point numbers, of a depth stream.
+    pub unit_mm: f64,
+    /// The intrinsics that are said to be this stream's.
+    pub info: Option<CameraInfo>,
+}
+
+/// How the pixels of an image and of a depth image are related.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Grid {
+    /// Equal pixels, by their intrinsics or by what the streams are.
+    One,
+    /// An equal size, and nothing that says more.
+    Assumed,
+    /// Those of two cameras, by their sizes or intrinsics.
+    Two,
 }
 
 /// The streams that are imported.
@@ -23,11 +37,19 @@ pub(crate) struct Candidate {
 pub(crate) struct Chosen {
     pub image: Candidate,
     pub depth: Option<Candidate>,
-    pub info: Option<CameraInfo>,
+    /// How the pixels of image and depth are related; of no meaning without depth.
+    pub grid: Grid,
     /// All streams of images, for the message that says what was chosen.
     pub candidates: Vec<Candidate>,
     /// The factory calibration of a Matroska file.
     pub factory: Option<Vec<u8>>,
+}
+
+impl Chosen {
+    /// Whether image and depth are those of two cameras.
+    pub fn is_rig(&self) -> bool {
+        self.depth.is_some() && self.grid == Grid::Two
+    }
 }
 
 /// Messages that are read to find the streams: some seconds of a camera beside a fast IMU.
@@ -39,6 +61,10 @@ struct Probed {
     candidates: Vec<Candidate>,
     /// Intrinsics with the names of their streams.
     infos: Vec<(String, CameraInfo)>,
+    /// Depth units that a camera reports, mm, with the names of their streams.
+    units: Vec<(String, f64)>,
+    /// Streams of intrinsics that are no use.
+    without_use: Vec<String>,
     /// Streams of neither images nor intrinsics, with their kind.
     others: Vec<String>,
     /// Streams of images that cannot be read, and why.
@@ -54,6 +80,13 @@ impl Probed {
             probed.add(&recording.path, &packet);
             Ok(if count >= PROBED { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
         })?;
+        for candidate in &mut probed.candidates {
+            candidate.info = info_of(candidate, &probed.infos);
+            let unit = probed.units.iter().find(|(name, _)| candidate.stream.name.starts_with(sensor(name)));
+            if let Some((_, unit_mm)) = unit {
+                candidate.unit_mm = *unit_mm;
+            }
+        }
         Ok(probed)
     }
 
@@ -69,14 +102,19 @@ impl Probed {
                 Err(error) => self.unreadable.push((name.clone(), error)),
             }
         } else if has_info(packet.stream) {
-            if self.infos.iter().any(|(known, _)| known == name) {
+            if self.infos.iter().any(|(known, _)| known == name) || self.without_use.contains(name) {
                 return;
             }
             match content(path, packet) {
                 Ok(Content::Info(info)) => self.infos.push((name.clone(), info)),
                 Ok(Content::Picture(..)) => {}
-                Err(error) => tracing::warn!("intrinsics are left out: {error}"),
+                Err(error) => {
+                    tracing::warn!("intrinsics are left out: {error}");
+                    self.without_use.push(name.clone());
+                }
             }
+        } else if let Some(unit_mm) = depth_unit(packet) {
+            self.units.push((name.clone(), unit_mm));
         } else if !self.others.iter().any(|known| known.starts_with(name.as_str())) {
             self.others.push(format!("{name} ({})", packet.stream.kind));
         }
@@ -90,7 +128,9 @@ fn candidate(path: &Path, packet: &Packet) -> Result<Option<Candidate>, ImportEr
             stream: packet.stream.clone(),
             size: picture.size(path)?,
             may_be_depth: picture.may_be_depth(),
-            is_metres: picture.is_metres(),
+            // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
+            unit_mm: if picture.is_metres() { 1000.0 } else { 1.0 },
+            info: None,
         })),
         Content::Info(_) => Ok(None),
     }
@@ -99,7 +139,7 @@ fn candidate(path: &Path, packet: &Packet) -> Result<Option<Candidate>, ImportEr
 /// Chooses streams: those that are named, else by what they hold and how they are called.
 pub(crate) fn choose(recording: &Recording, image: Option<&str>, depth: Option<&str>) -> Result<Chosen, ImportError> {
     let path = &recording.path;
-    let Probed { candidates, infos, others, unreadable } = Probed::read(recording)?;
+    let Probed { mut candidates, others, unreadable, .. } = Probed::read(recording)?;
     if candidates.is_empty() {
         // Streams of images that cannot be read say why.
         if let Some((_, error)) = unreadable.into_iter().next() {
@@ -110,6 +150,13 @@ pub(crate) fn choose(recording: &Recording, image: Option<&str>, depth: Option<&
     }
     for (name, error) in &unreadable {
         tracing::warn!("the stream {name} is left out: {error}");
+    }
+    let factory = recording.attachment("calibration.json")?;
+    if let Some(factory) = &factory {
+        for candidate in &mut candidates {
+            let is_depth = !is_called(&candidate.stream.name, &["color", "colour", "rgb"]);
+            candidate.info = azure::camera_info(factory, candidate.size, is_depth);
+        }
     }
     let named = |wanted: &str| {
         candidates.iter().find(|c| c.stream.name == wanted).cloned().ok_or_else(|| ImportError::NoStream {
@@ -130,17 +177,46 @@ pub(crate) fn choose(recording: &Recording, image: Option<&str>, depth: Option<&
             best.unwrap_or_else(|| candidates[0].clone())
         }
     };
-    // Images and depth of a frame lie on one pixel grid.
-    let depth = depth.filter(|depth| depth.size == image.size && depth.stream != image.stream);
-    let factory = if recording.is_matroska() { attachment(path, "calibration.json")? } else { None };
-    let info = match &factory {
-        Some(factory) => {
-            let is_depth = !is_called(&image.stream.name, &["color", "colour", "rgb"]);
-            azure::camera_info(factory, image.size, is_depth)
-        }
-        None => info_of(&image, &infos),
+    let depth = depth.filter(|depth| depth.stream != image.stream);
+    let grid = depth.as_ref().map_or(Grid::One, |depth| grid(&image, depth));
+    if grid == Grid::Assumed {
+        tracing::warn!(
+            "nothing in the recording says that {} has the pixels of the depth; they are of one size, and taken for it",
+            image.stream.name
+        );
+    }
+    let image = match &depth {
+        // An infrared image without intrinsics of its own has those of the depth that is made of it.
+        Some(depth) if image.info.is_none() && grid != Grid::Two => Candidate { info: depth.info.clone(), ..image },
+        _ => image,
     };
-    Ok(Chosen { image, depth, info, candidates, factory })
+    Ok(Chosen { image, depth, grid, candidates, factory })
+}
+
+/// How the pixels of an image and of depth are related.
+fn grid(image: &Candidate, depth: &Candidate) -> Grid {
+    let (of_image, of_depth) = (&image.stream.name, &depth.stream.name);
+    if image.size != depth.size {
+        return Grid::Two;
+    }
+    if let (Some(a), Some(b)) = (&image.info, &depth.info) {
+        return if a.is_of_grid(b) { Grid::One } else { Grid::Two };
+    }
+    if is_infrared(of_image) || is_called(of_depth, &["aligned", "registered"]) { Grid::One } else { Grid::Assumed }
+}
+
+/// The depth unit of a message of the RealSense SDK's recorder, mm: `/device_0/sensor_0/option/Depth Units/value`, in metres.
+fn depth_unit(packet: &Packet) -> Option<f64> {
+    let is_unit = packet.stream.kind == "std_msgs/Float32" && packet.stream.name.ends_with("/option/Depth Units/value");
+    let metres = f32::from_le_bytes(*packet.data.first_chunk().filter(|_| is_unit)?);
+    // The number in the decimals that were meant: 0.00025 m is 0.25 mm, not 0.250000011874.
+    let unit_mm = (f64::from(metres) * 1e9).round() / 1e6;
+    (0.002..=1000.0).contains(&unit_mm).then_some(unit_mm)
+}
+
+/// The beginning of the names of all streams of the sensor whose option this is.
+fn sensor(option: &str) -> &str {
+    option.find("option/").map_or(option, |end| &option[..end])
 }
 
 fn best(candidates: &[Candidate], rank: impl Fn(&Candidate) -> Option<i32>) -> Option<Candidate> {
@@ -165,7 +241,7 @@ fn depth_rank(c: &Candidate, all: &[Candidate], image: Option<&str>) -> Option<i
         return None;
     }
     let partner = |other: &&Candidate| {
-        other.size == c.size
+        grid(other, c) != Grid::Two
             && !is_depth_name(&other.stream.name)
             && image.is_none_or(|image| image == other.stream.name)
     };
@@ -186,7 +262,7 @@ fn image_rank(c: &Candidate, depth: Option<&Candidate>) -> Option<i32> {
     if depth.is_some_and(|depth| depth.stream == c.stream) {
         return None;
     }
-    let same = depth.is_some_and(|depth| depth.size == c.size);
+    let same = depth.is_some_and(|depth| grid(c, depth) != Grid::Two);
     Some(
         8 * i32::from(same)
             + 4 * i32::from(is_infrared(&c.stream.name))
@@ -194,9 +270,24 @@ fn image_rank(c: &Candidate, depth: Option<&Candidate>) -> Option<i32> {
     )
 }
 
-/// The intrinsics whose topic has the longest beginning in common with the image's, of its size.
-fn info_of(image: &Candidate, infos: &[(String, CameraInfo)]) -> Option<CameraInfo> {
-    let shared = |name: &str| name.bytes().zip(image.stream.name.bytes()).take_while(|(a, b)| a == b).count();
-    let fitting = infos.iter().filter(|(_, info)| [info.width, info.height] == image.size);
-    fitting.max_by_key(|(name, _)| shared(name)).map(|(_, info)| info.clone())
+/// The intrinsics of a stream by ROS' convention, `camera_info` beside the images (of RealSense's recorder, `info/camera_info`
+/// beside `image/data`): those in the folder nearest above the stream, of its size.
+fn info_of(stream: &Candidate, infos: &[(String, CameraInfo)]) -> Option<CameraInfo> {
+    let folder = |topic: &str| {
+        let folder = topic.strip_suffix("camera_info").unwrap_or(topic);
+        folder.strip_suffix("info/").unwrap_or(folder).len()
+    };
+    let above = infos.iter().filter(|(topic, _)| stream.stream.name.starts_with(&topic[..folder(topic)]));
+    let (topic, info) = above.max_by_key(|(topic, _)| folder(topic))?;
+    let [width, height] = stream.size;
+    if [info.width, info.height] != stream.size {
+        tracing::warn!(
+            "the intrinsics of {topic} are left out: they are of {} × {} px, and the images of {} are of {width} × {height} px",
+            info.width,
+            info.height,
+            stream.stream.name
+        );
+        return None;
+    }
+    Some(info.clone())
 }

@@ -9,9 +9,10 @@ use depthcal_model::Target;
 
 use crate::dataset::{Imported, Written, describe};
 use crate::error::ImportError;
-use crate::guess::{Candidate, Chosen, choose};
+use crate::guess::{Chosen, choose};
 use crate::message::{Content, content};
-use crate::pick::{Picked, pick};
+use crate::pairing::{Pairing, paired};
+use crate::pick::{PickOptions, Picked, pick};
 use crate::picture::{Encoding, Picture};
 use crate::recording::Recording;
 
@@ -26,60 +27,42 @@ pub struct ImportOptions {
     pub board: Option<Target>,
     /// Largest number of frames.
     pub frames: usize,
+    /// How depth is paired with images.
+    pub pairing: Pairing,
+    /// Seconds at the beginning of the images that are left out: a camera that warms up, or finds its exposure.
+    pub skip_s: f64,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { image: None, depth: None, board: None, frames: 40 }
+        Self { image: None, depth: None, board: None, frames: 40, pairing: Pairing::Time, skip_s: 0.0 }
     }
 }
 
 /// Imports frames of a recording into the folder `out`: images, depth, `frames.csv` and `dataset.toml`, and what the recording
 /// says of its cameras.
 ///
-/// Depth belongs to the image that is nearest in time, at most half the depth stream's usual distance of frames away. Depth keeps
-/// its values bit by bit; images do too, but for uncompressed colour, which becomes luma.
+/// Depth belongs to the image that is nearest in time, at most half the depth stream's usual distance of frames away, if
+/// [`ImportOptions::pairing`] asks for nothing else. Depth keeps its values bit by bit; images do too, but for uncompressed
+/// colour, which becomes luma. Of a file that is cut off, what is complete is read.
 ///
 /// # Errors
 /// [`ImportError`] with the file, the stream and the remedy.
 pub fn import(path: &Path, out: &Path, options: &ImportOptions) -> Result<Imported, ImportError> {
     let recording = Recording::open(path)?;
     let chosen = choose(&recording, options.image.as_deref(), options.depth.as_deref())?;
-    let picked = pick(&recording, &chosen.image, options.board.as_ref(), options.frames)?;
+    let wanted = PickOptions { board: options.board.as_ref(), wanted: options.frames, skip_s: options.skip_s };
+    let picked = pick(&recording, &chosen.image, &wanted)?;
+    if picked.images.is_empty() {
+        let stream = chosen.image.stream.name.clone();
+        return Err(ImportError::Skipped { path: path.to_owned(), stream, images: picked.of, skip_s: options.skip_s });
+    }
     let pairs = match &chosen.depth {
-        Some(depth) => nearest(&times(&recording, depth)?, &picked),
+        Some(depth) => paired(&recording, [&chosen.image, depth], &picked, options.pairing)?,
         None => Vec::new(),
     };
     let written = write(&recording, &chosen, &picked, &pairs, out)?;
     describe(&recording, &chosen, &picked, written, options.board.as_ref(), out)
-}
-
-/// Times of the messages of a stream, ns.
-fn times(recording: &Recording, stream: &Candidate) -> Result<Vec<u64>, ImportError> {
-    let mut times = Vec::new();
-    recording.visit(&|s| *s == stream.stream, &mut |packet| {
-        if let Content::Picture(time_ns, _) = content(&recording.path, &packet)? {
-            times.push(time_ns);
-        }
-        Ok(ControlFlow::Continue(()))
-    })?;
-    Ok(times)
-}
-
-/// The number of the nearest depth image of each picked image; `None` where it is more than half a frame away.
-fn nearest(times: &[u64], picked: &Picked) -> Vec<Option<usize>> {
-    let mut order: Vec<usize> = (0..times.len()).collect();
-    order.sort_by_key(|i| times[*i]);
-    let mut gaps: Vec<u64> = order.windows(2).map(|pair| times[pair[1]] - times[pair[0]]).collect();
-    gaps.sort_unstable();
-    // A lone depth image belongs to an image within a second.
-    let within = gaps.get(gaps.len() / 2).map_or(1_000_000_000, |gap| gap.div_ceil(2)).max(1_000_000);
-    let nearest = |time: u64| {
-        let after = order.partition_point(|i| times[*i] < time);
-        let near = order[after.saturating_sub(1)..(after + 1).min(order.len())].iter().copied();
-        near.min_by_key(|i| times[*i].abs_diff(time)).filter(|i| times[*i].abs_diff(time) <= within)
-    };
-    picked.images.iter().map(|seen| nearest(seen.time_ns)).collect()
 }
 
 /// Writes the picked images that have depth, where there is depth at all.

@@ -9,12 +9,15 @@
 
 mod azure;
 mod camera_info;
+mod compressed_depth;
 mod dataset;
 mod error;
 mod fields;
 mod guess;
 mod import;
 mod message;
+mod packed;
+mod pairing;
 mod pick;
 mod picture;
 mod recording;
@@ -23,6 +26,7 @@ mod spread;
 
 pub use camera_info::CameraInfo;
 pub use dataset::Imported;
-pub use error::ImportError;
+pub use error::{ImportError, Span};
 pub use import::{ImportOptions, import};
+pub use pairing::Pairing;
 pub use recording::StreamInfo;

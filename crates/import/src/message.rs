@@ -48,7 +48,7 @@ pub(crate) fn content<'a>(path: &Path, packet: &'a Packet<'_>) -> Result<Content
     }
     let mut fields = Fields::new(packet.layout, &packet.data).ok_or_else(cut)?;
     if has_info(packet.stream) {
-        return CameraInfo::read(fields).map(Content::Info).ok_or_else(cut);
+        return CameraInfo::read(fields).map(Content::Info).map_err(problem);
     }
     let stamp = fields.header().ok_or_else(cut)?;
     // Drivers without a clock stamp nothing.
@@ -67,10 +67,9 @@ pub(crate) fn content<'a>(path: &Path, packet: &'a Packet<'_>) -> Result<Content
     };
     let (width, height, name, is_big, step, data) = image().ok_or_else(cut)?;
     let encoding = Encoding::of(&name, is_big).map_err(problem)?;
-    let needed = height
-        .checked_sub(1)
-        .and_then(|rows| rows.checked_mul(step)?.checked_add(width.checked_mul(encoding.bytes())?));
-    if width == 0 || needed.is_none_or(|needed| needed > data.len()) || step < width * encoding.bytes() {
+    let row = encoding.row_bytes(width);
+    let needed = row.and_then(|row| height.checked_sub(1)?.checked_mul(step)?.checked_add(row));
+    if width == 0 || row.is_none_or(|row| step < row) || needed.is_none_or(|needed| needed > data.len()) {
         return Err(problem(format!("an image of {width}×{height} px has {} bytes in rows of {step}", data.len())));
     }
     Ok(Content::Picture(time_ns, Picture { width, height, step, encoding, data }))

@@ -32,6 +32,15 @@ pub(crate) struct Seen {
     pub score: Score,
 }
 
+/// Which images are wanted.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PickOptions<'a> {
+    pub board: Option<&'a Target>,
+    pub wanted: usize,
+    /// Seconds at the beginning that are left out.
+    pub skip_s: f64,
+}
+
 /// The images that are kept, and how many there were.
 #[derive(Debug)]
 pub(crate) struct Picked {
@@ -41,13 +50,13 @@ pub(crate) struct Picked {
     pub searched: Option<(usize, usize)>,
 }
 
-/// Picks at most `wanted` images.
+/// Picks images as the options say: at most so many, with the board, from a time on.
 pub(crate) fn pick(
     recording: &Recording,
     stream: &Candidate,
-    board: Option<&Target>,
-    wanted: usize,
+    options: &PickOptions<'_>,
 ) -> Result<Picked, ImportError> {
+    let PickOptions { board, wanted, skip_s } = *options;
     let mut seen = Vec::new();
     let mut scorer = Scorer::default();
     each_image(recording, stream, |number, time_ns, image| {
@@ -55,6 +64,12 @@ pub(crate) fn pick(
         true
     })?;
     let of_images = seen.len();
+    let first = seen.iter().map(|s| s.time_ns).min().unwrap_or(0);
+    let begin = first.saturating_add((skip_s * 1e9) as u64);
+    seen.retain(|s| s.time_ns >= begin);
+    if seen.is_empty() {
+        return Ok(Picked { images: seen, of: of_images, searched: None });
+    }
     let best = best_of_windows(seen, SEARCHED.saturating_mul(wanted));
     match board {
         #[cfg(feature = "detect")]

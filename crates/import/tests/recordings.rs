@@ -116,7 +116,8 @@ for name, compression, metres in [('none', CompressionType.NONE, False), ('zstd'
     // Streams by name; and the names are listed where there is none of it.
     let colour = ImportOptions { image: Some("/camera/color/image_raw".into()), ..ImportOptions::default() };
     let result = imported(&folder.join("none.mcap"), &folder.join("colour"), &colour);
-    assert!(result.depth.is_none() && result.camera.is_none());
+    // Depth of another size is that of another camera.
+    assert!(result.depth.is_some() && result.is_rig && result.camera.is_none());
     let wrong = ImportOptions { image: Some("/nowhere".into()), ..ImportOptions::default() };
     let message = import(&folder.join("none.mcap"), &folder.join("no"), &wrong).unwrap_err().to_string();
     assert!(message.contains("/nowhere") && message.contains("/camera/infra1/image_rect_raw"), "{message}");

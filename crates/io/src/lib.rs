@@ -30,9 +30,9 @@ pub use file::{
     digest_json, is_of_depthcal, is_temporary, read_json, write_atomically, write_json, write_json_compact,
 };
 pub use image::{
-    DEPTH_EXTENSIONS, DepthFrame, DepthImage, DepthValues, GrayImage, IMAGE_EXTENSIONS, ImageError, RgbImage,
-    check_same_size, decode_depth_frame, decode_gray, decode_rgb, read_depth, read_depth_frame, read_gray, read_rgb,
-    write_depth, write_depth_frame, write_gray, write_rgb,
+    DEPTH_EXTENSIONS, DepthFrame, DepthImage, DepthValues, Disparity, GrayImage, IMAGE_EXTENSIONS, ImageError,
+    RgbImage, check_same_size, decode_depth_frame, decode_gray, decode_rgb, read_depth, read_depth_frame, read_gray,
+    read_rgb, write_depth, write_depth_frame, write_gray, write_rgb,
 };
 pub use pcd::write_pcd;
 pub use ply::{Cloud, PlyFormat, write_ply};

@@ -51,8 +51,9 @@ fn is_scaled(deviation: &Deviation) -> bool {
 /// The wrong unit, where there is one as well as the other faults, or how a disparity is converted.
 fn further(deviation: &Deviation, unit_mm: f64, spacing_mm: f64) -> String {
     if let Some([a, b]) = deviation.affine {
-        let sign = if b < 0.0 { '−' } else { '+' };
-        return format!(": convert them, z = 1000 / ({:.6} {sign} {:.3e} d) mm fits", 1e3 * a, 1e3 * b.abs());
+        return format!(
+            ": write disparity = [{a:.6e}, {b:.6e}] under [depth], in place of unit_mm (1/z = a + b d in 1/mm)"
+        );
     }
     if !is_scaled(deviation) {
         return String::new();

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use depthcal_io::{
     Calibration, DATASET_FILE, Dataset, DatasetCamera, DatasetError, DepthFrame, FileReference, FrameObservations,
-    GrayImage, Observations, check_same_size, digest_files, read_depth_frame, read_gray,
+    GrayImage, Observations, check_same_size, digest_files, read_gray,
 };
 use depthcal_model::{BoardPart, CharucoLayout, Register};
 use nalgebra::{Isometry3, Matrix3x4, Translation3, UnitQuaternion};
@@ -416,8 +416,7 @@ fn read_frames(
             let image: Option<GrayImage> = frame.image.as_deref().map(read_gray).transpose()?;
             let depth: Option<DepthFrame> = match &frame.depth {
                 Some(depth_path) => {
-                    let depth = read_depth_frame(depth_path)?;
-                    depth.check_unit(depth_path, dataset.depth_unit_mm.unwrap_or(1.0))?;
+                    let depth = dataset.read_depth(depth_path)?;
                     if let (Some(path), Some(image)) = (&frame.image, &image) {
                         check_same_size(
                             (path, [image.width, image.height]),
@@ -436,7 +435,9 @@ fn read_frames(
             let bytes = image.as_ref().map_or(0, ImageFile::bytes) + depth.as_ref().map_or(0, ImageFile::bytes);
             let stays = (number + 1) * bytes <= image_memory;
             let depth_digest = depth.as_ref().and_then(depth_digest);
-            let depth = frame.depth.as_ref().zip(depth).map(|(path, depth)| store(stays, path, depth));
+            // What was made of disparities is in no file.
+            let depth_stays = stays || dataset.disparity.is_some();
+            let depth = frame.depth.as_ref().zip(depth).map(|(path, depth)| store(depth_stays, path, depth));
             let frame = RawFrame {
                 depth: depth.map_or(MeasuredDepth::None, MeasuredDepth::Image),
                 image: frame.image.as_ref().zip(image).map(|(path, image)| store(stays, path, image)),

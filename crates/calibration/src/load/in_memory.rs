@@ -95,6 +95,7 @@ pub fn declared_in_memory(name: &str, target: &Target, depth_unit_mm: Option<f64
         target: target.clone(),
         frames: Vec::new(),
         depth_unit_mm,
+        disparity: None,
         camera: None,
         camera_from_rig: None,
         pairing: Pairing::default(),

@@ -9,7 +9,8 @@ use depthcal_calibration::depth_uncertainty::uncertain_depth;
 use depthcal_calibration::observe::PlacedCamera;
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext};
 use depthcal_io::{
-    Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, check_writable, write_depth_frame,
+    Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, Frame, GrayImage, RgbImage, check_writable,
+    write_depth_frame,
 };
 use depthcal_model::Camera;
 use depthcal_report::format::count;
@@ -298,7 +299,15 @@ impl Apply {
                         stem(&depth)
                     )));
                 }
-                jobs.push(Job { depth, image, color: None, unit_mm, time_s: None, temperature_c: None });
+                jobs.push(Job {
+                    depth,
+                    image,
+                    color: None,
+                    unit_mm,
+                    disparity: None,
+                    time_s: None,
+                    temperature_c: None,
+                });
             }
         }
         for job in jobs.iter_mut().filter(|_| !colors.is_empty()) {
@@ -317,7 +326,7 @@ impl Apply {
     fn dataset_jobs(&self, path: &Path) -> Result<Vec<Job>, Failure> {
         let dataset = Dataset::open(path).and_then(Dataset::into_only_camera).map_err(input)?;
         let file = dataset.root.join(DATASET_FILE);
-        let Some(unit_mm) = dataset.depth_unit_mm.filter(|_| dataset.has_depth()) else {
+        let Some(unit_mm) = dataset.unit_mm().filter(|_| dataset.has_depth()) else {
             return Err(Failure::Input(format!(
                 "{}: `frames.depth` is missing, so there is nothing to correct: declare it, such as depth = \
                  \"depth/*.png\", and unit_mm under [depth]",
@@ -330,18 +339,29 @@ impl Apply {
                 file.display()
             )));
         }
+        let is_whole = |frame: &Frame| {
+            frame.depth.as_deref().is_some_and(|path| ["png", "pgm"].contains(&self.written.extension(path).as_str()))
+        };
+        if dataset.disparity.is_some() && dataset.frames.iter().any(is_whole) {
+            return Err(Failure::Input(format!(
+                "{}: depth that is made of disparities is floating-point, which PNG and PGM cannot hold: give --format tiff, npy or exr",
+                file.display()
+            )));
+        }
         print_pairing(&dataset);
         for stray in &dataset.strays {
             say!("  not corrected: {} ({})", stray.name, stray.reason);
         }
         // Times count from the first frame, as they did when the calibration was fitted.
         let first = dataset.frames.iter().filter_map(|f| f.metadata.timestamp_s).fold(f64::INFINITY, f64::min);
+        let disparity = dataset.disparity;
         let jobs = dataset.frames.into_iter().filter_map(|frame| {
             Some(Job {
                 depth: frame.depth?,
                 image: frame.image,
                 color: None,
                 unit_mm,
+                disparity,
                 time_s: frame.metadata.timestamp_s.map(|t| t - first),
                 temperature_c: frame.metadata.temperature_c,
             })

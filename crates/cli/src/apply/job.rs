@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use depthcal_correction::Corrector;
-use depthcal_io::{DepthFrame, GrayImage, check_same_size, read_depth_frame, read_gray};
+use depthcal_io::{DepthFrame, Disparity, GrayImage, check_same_size, read_depth_frame, read_gray};
 
 use super::images::read_color;
 use crate::failure::{Failure, input};
@@ -14,6 +14,8 @@ pub(super) struct Job {
     pub(super) image: Option<PathBuf>,
     pub(super) color: Option<PathBuf>,
     pub(super) unit_mm: f64,
+    /// How the disparities in the file become depth in mm.
+    pub(super) disparity: Option<Disparity>,
     pub(super) time_s: Option<f64>,
     pub(super) temperature_c: Option<f64>,
 }
@@ -21,8 +23,8 @@ pub(super) struct Job {
 impl Job {
     /// Everything that its results depend on, besides the calibration, the settings and the contents of its files.
     pub(super) fn key(&self) -> String {
-        let Self { depth, image, color, unit_mm, time_s, temperature_c } = self;
-        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?}")
+        let Self { depth, image, color, unit_mm, disparity, time_s, temperature_c } = self;
+        format!("{depth:?} {image:?} {color:?} {unit_mm} {disparity:?} {time_s:?} {temperature_c:?}")
     }
 
     /// Its files.
@@ -33,7 +35,10 @@ impl Job {
     /// Reads the depth image and, where there is one, the infrared image; checks their sizes and the colour image.
     pub(super) fn read(&self, corrector: &Corrector) -> Result<(DepthFrame, Option<GrayImage>), Failure> {
         let depth = read_depth_frame(&self.depth).map_err(input)?;
-        depth.check_unit(&self.depth, self.unit_mm).map_err(input)?;
+        let depth = match &self.disparity {
+            Some(disparity) => disparity.depth(&depth),
+            None => depth.check_unit(&self.depth, self.unit_mm).map(|()| depth).map_err(input)?,
+        };
         if (depth.width, depth.height) != (corrector.width(), corrector.height()) {
             return Err(Failure::Input(format!(
                 "{}: the depth image has {}×{} px, but the calibration is for {}×{} px: give images of the calibrated \

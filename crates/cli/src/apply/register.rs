@@ -7,8 +7,8 @@ use depthcal_calibration::observe::PlacedCamera;
 use depthcal_calibration::observe::Taken;
 use depthcal_correction::{Corrector, FrameContext, colours_of, depth_into};
 use depthcal_io::{
-    Calibration, Cloud, Dataset, DatasetCamera, DepthImage, Frame, RgbImage, read_depth_frame, read_gray, read_rgb,
-    write_depth, write_rgb,
+    Calibration, Cloud, Dataset, DatasetCamera, DepthImage, Frame, RgbImage, read_gray, read_rgb, write_depth,
+    write_rgb,
 };
 use depthcal_report::format::{count, percent};
 use rayon::prelude::*;
@@ -58,7 +58,7 @@ struct DepthCamera<'a> {
     placed: &'a PlacedCamera,
     corrector: Corrector,
     unit_mm: f64,
-    frames: &'a [Frame],
+    captured: &'a DatasetCamera,
     /// Time of its first frame, s: its pieces count from there, as they did when the calibration was fitted.
     first_s: f64,
 }
@@ -114,12 +114,11 @@ fn depth_cameras<'a>(
     let mut with_depth = Vec::new();
     for camera in &dataset.cameras {
         let placed = cameras.iter().find(|c| c.name == camera.name);
-        if let (true, Some(placed), Some(unit_mm)) = (camera.has_depth(), placed, camera.depth_unit_mm) {
+        if let (true, Some(placed), Some(unit_mm)) = (camera.has_depth(), placed, camera.unit_mm()) {
             let corrector = Corrector::new(&placed.camera)
                 .map_err(|error| Failure::Input(format!("{}: {error}", asked.calibration.display())))?;
-            let frames = &camera.frames;
-            let first_s = frames.iter().filter_map(|f| f.metadata.timestamp_s).fold(f64::INFINITY, f64::min);
-            with_depth.push(DepthCamera { placed, corrector, unit_mm, frames, first_s });
+            let first_s = camera.frames.iter().filter_map(|f| f.metadata.timestamp_s).fold(f64::INFINITY, f64::min);
+            with_depth.push(DepthCamera { placed, corrector, unit_mm, captured: camera, first_s });
         }
     }
     Ok(with_depth)
@@ -132,8 +131,9 @@ fn register_camera(
     target: &PlacedCamera,
     images: &BTreeMap<&str, &Path>,
 ) -> Result<Counts, Failure> {
-    let progress = Progress::new("registering", camera.frames.len());
+    let progress = Progress::new("registering", camera.captured.frames.len());
     let of_frames: Vec<Result<Counts, Failure>> = camera
+        .captured
         .frames
         .par_iter()
         .map(|frame| {
@@ -168,8 +168,7 @@ fn register_frame(
 ) -> Result<Counts, Failure> {
     let Some(path) = &frame.depth else { return Ok(Counts::default()) };
     let of_frame = |error: &dyn std::fmt::Display| Failure::Input(format!("{}: {error}", path.display()));
-    let depth = read_depth_frame(path).map_err(input)?;
-    depth.check_unit(path, camera.unit_mm).map_err(input)?;
+    let depth = camera.captured.read_depth(path).map_err(input)?;
     let amplitude = frame.image.as_deref().map(read_gray).transpose().map_err(input)?;
     let context = FrameContext {
         time_s: frame.metadata.timestamp_s.map_or(0.0, |t| t - camera.first_s),

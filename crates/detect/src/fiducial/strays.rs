@@ -1,4 +1,5 @@
-//! Markers that do not lie where the markers around them predict them.
+//! Markers that do not lie where the markers around them predict them or, where there are none, where a smooth map of the whole
+//! board does.
 
 use std::collections::BTreeMap;
 
@@ -6,6 +7,7 @@ use depthcal_model::target::Target;
 
 use super::neighbours::{near, prediction};
 use crate::detection::Marker;
+use crate::geometry::BoardMap;
 
 /// A marker is a stray when it is farther from its prediction than this many standard deviations of all markers.
 const STRAY: f64 = 6.0;
@@ -14,6 +16,10 @@ const ALLOWED_PX: f64 = 0.4;
 /// Distance, px, that is never allowed, unless most markers are as far off (a lens that bends the board within a few
 /// squares).
 const LIMIT_PX: f64 = 1.0;
+
+/// A marker without others around it is a stray when it is farther from the map of the whole board than this many standard
+/// deviations: a polynomial is not a lens, and a right marker of its own is worth less than a wrong one costs.
+const ALONE: f64 = 10.0;
 
 /// Leaves out strays. A stray spoils the predictions of its neighbours too: in every round only those markers are
 /// left out that are farther off than all their neighbours.
@@ -46,7 +52,31 @@ pub(super) fn without_strays(markers: Vec<Marker>, target: &Target) -> Vec<Marke
         }
         places.retain(|i, _| !strays.contains(i));
     }
+    while let Some(stray) = worst_alone(&places, target) {
+        places.remove(&stray);
+    }
     places.into_iter().map(|(index, pixel)| Marker { index, pixel }).collect()
+}
+
+/// Of the markers that no others predict, the one that is farthest off the map of all others, if it is a stray. A tag that is
+/// cut off by the image border, or read where there is none, puts such a marker anywhere.
+fn worst_alone(places: &BTreeMap<usize, [f64; 2]>, target: &Target) -> Option<usize> {
+    let distance = |map: &BoardMap, index: usize| {
+        let ([u, v], pixel) = (map.apply(target.point(index))?, places[&index]);
+        Some((u - pixel[0]).hypot(v - pixel[1]))
+    };
+    let deviations = |index: usize| {
+        let others = || places.keys().copied().filter(move |other| *other != index);
+        let map = BoardMap::fit(&others().map(|other| (target.point(other), places[&other])).collect::<Vec<_>>())?;
+        let off = distance(&map, index)? / map.leverage(target.point(index))?;
+        let mut usual: Vec<f64> = others().filter_map(|other| distance(&map, other)).collect();
+        usual.sort_by(f64::total_cmp);
+        let sigma = usual.get(usual.len() / 2)? / 1.18;
+        (off > LIMIT_PX).then_some(off / sigma.max(f64::MIN_POSITIVE))
+    };
+    let alone = places.keys().copied().filter(|index| prediction(target, *index, places).is_none());
+    let worst = alone.filter_map(|index| Some((deviations(index)?, index))).max_by(|a, b| a.0.total_cmp(&b.0));
+    worst.filter(|(deviation, _)| *deviation > ALONE).map(|(_, index)| index)
 }
 
 #[cfg(test)]
@@ -80,6 +110,34 @@ mod tests {
         for wrong in [0, 17, 41] {
             let mut markers = all.clone();
             markers[wrong].pixel[1] += 1.3;
+            let consistent = without_strays(markers, &target);
+            assert_eq!(consistent.len(), all.len() - 1);
+            assert!(consistent.iter().all(|m| m.index != wrong));
+        }
+    }
+    /// As a wide lens sees the board, f = 400 px, k1 = −0.1.
+    fn through_a_lens(target: &Target) -> Vec<Marker> {
+        let bent = |m: Marker| {
+            let [x, y] = [(m.pixel[0] - 180.0) / 400.0, (m.pixel[1] - 140.0) / 400.0];
+            let k = 400.0 * (1.0 - 0.1 * (x * x + y * y));
+            Marker { pixel: [k * x + 180.0, k * y + 140.0], ..m }
+        };
+        seen(target).into_iter().map(bent).collect()
+    }
+
+    #[test]
+    fn a_marker_without_others_around_it_is_held_against_the_whole_board() {
+        let target = Target { columns: 14, rows: 9, ..board() };
+        // Rows 0 to 3, the right of the others, and single corners between: as where tags beside are hidden.
+        let is_seen = |index: usize| index / 13 < 4 || index % 13 > 9 || [78, 81, 84].contains(&index);
+        let all: Vec<Marker> = through_a_lens(&target).into_iter().filter(|m| is_seen(m.index)).collect();
+        assert_eq!(without_strays(all.clone(), &target), all);
+        for wrong in [78, 81, 84] {
+            let mut markers = all.clone();
+            let marker = markers.iter_mut().find(|m| m.index == wrong).unwrap();
+            // Half a square.
+            marker.pixel[0] -= 12.0;
+            marker.pixel[1] += 9.0;
             let consistent = without_strays(markers, &target);
             assert_eq!(consistent.len(), all.len() - 1);
             assert!(consistent.iter().all(|m| m.index != wrong));

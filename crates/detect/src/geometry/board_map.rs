@@ -16,6 +16,8 @@ pub struct BoardMap {
     center: [f64; 2],
     scale: f64,
     correction: Option<[[f64; TERMS]; 2]>,
+    /// Inverse of the normal matrix of the polynomial's terms.
+    inverse: Option<DMatrix<f64>>,
     rms_px: f64,
 }
 
@@ -36,7 +38,7 @@ impl BoardMap {
         }
         let center = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
         let scale = ((high[0] - low[0]).max(high[1] - low[1]) / 2.0).max(f64::MIN_POSITIVE);
-        let mut map = BoardMap { homography, center, scale, correction: None, rms_px: 0.0 };
+        let mut map = BoardMap { homography, center, scale, correction: None, inverse: None, rms_px: 0.0 };
         if pairs.len() >= 2 * TERMS {
             map.correction = map.fit_correction(pairs);
         }
@@ -48,7 +50,7 @@ impl BoardMap {
         Some(map)
     }
 
-    fn fit_correction(&self, pairs: &[([f64; 2], [f64; 2])]) -> Option<[[f64; TERMS]; 2]> {
+    fn fit_correction(&mut self, pairs: &[([f64; 2], [f64; 2])]) -> Option<[[f64; TERMS]; 2]> {
         let design = DMatrix::from_fn(pairs.len(), TERMS, |i, j| terms(self.unit(pairs[i].0))[j]);
         // Slight damping keeps the solution finite when the markers do not determine every term.
         let normal = design.tr_mul(&design) + DMatrix::identity(TERMS, TERMS) * (1e-6 * pairs.len() as f64);
@@ -61,7 +63,16 @@ impl BoardMap {
             }
             row.copy_from_slice(solve.solve(&design.tr_mul(&left)).as_slice());
         }
+        self.inverse = Some(solve.inverse());
         Some(correction)
+    }
+
+    /// By what factor the distance of a marker from the map scatters more than that of the markers which it was fitted to:
+    /// √(1 + t N⁻¹ tᵀ) of the terms t at the marker and their normal matrix N. It is large away from them. `None` without a
+    /// polynomial.
+    pub(crate) fn leverage(&self, board: [f64; 2]) -> Option<f64> {
+        let t = DVector::from_row_slice(&terms(self.unit(board)));
+        Some((1.0 + t.dot(&(self.inverse.as_ref()? * &t))).sqrt())
     }
 
     fn unit(&self, p: [f64; 2]) -> [f64; 2] {

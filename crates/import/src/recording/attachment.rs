@@ -5,9 +5,8 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
-use std::path::Path;
 
-use super::packet::damaged;
+use super::packet::Source;
 use crate::error::ImportError;
 
 const SEGMENT: u32 = 0x1853_8067;
@@ -22,14 +21,13 @@ const LONGEST_NAME: u64 = 4096;
 const LARGEST: u64 = 16 << 20;
 
 /// The contents of the attachment `name`; `None` where there is none.
-pub(crate) fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>, ImportError> {
-    let unreadable = |error| ImportError::Read { path: path.to_owned(), error };
-    let file = File::open(path).map_err(unreadable)?;
-    let length = file.metadata().map_err(unreadable)?.len();
+pub(super) fn attachment(source: Source<'_>, name: &str) -> Result<Option<Vec<u8>>, ImportError> {
+    let file = File::open(source.file).map_err(|error| source.unreadable(error))?;
+    let length = file.metadata().map_err(|error| source.unreadable(error))?.len();
     match find(&mut BufReader::new(file), length, name) {
         Ok(found) => Ok(found),
-        Err(error) if error.kind() == io::ErrorKind::InvalidData => Err(damaged(path, "Matroska file", error)),
-        Err(error) => Err(unreadable(error)),
+        Err(error) if error.kind() == io::ErrorKind::InvalidData => Err(source.damaged("Matroska file", error)),
+        Err(error) => Err(source.unreadable(error)),
     }
 }
 

@@ -2,13 +2,12 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use rusqlite::limits::Limit;
 use rusqlite::types::ValueRef;
-use rusqlite::{Connection, OpenFlags};
+use rusqlite::{Connection, ErrorCode, OpenFlags, Rows};
 
-use super::packet::{Layout, Packet, StreamInfo, Visitor, damaged, plain_type};
+use super::packet::{End, Layout, Packet, Source, StreamInfo, Visitor, plain_type};
 use crate::error::ImportError;
 
 /// Instructions of SQLite's machine per byte of the file: reading and sorting a message takes some tens, and none is that short.
@@ -20,11 +19,16 @@ const COUNTED: u64 = 10_000;
 /// Longest value that every file may have, bytes; larger ones are within a file of their length.
 const LONGEST: u64 = 1 << 20;
 
+const KIND: &str = "ROS 2 bag";
+/// Messages in the order of time. Of a file that is cut off, whose order would need all of it, those in the order of the file.
+const ORDERED: &str = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id";
+const STORED: &str = "SELECT topic_id, timestamp, data FROM messages ORDER BY id";
+
 /// Opens the file, with limits to what it can make of its length.
-fn open(path: &Path) -> Result<Connection, ImportError> {
-    let fault = |error: rusqlite::Error| damaged(path, "ROS 2 bag", error);
-    let length = std::fs::metadata(path).map_err(|error| ImportError::Read { path: path.to_owned(), error })?.len();
-    let database = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY).map_err(fault)?;
+fn open(source: Source<'_>) -> Result<Connection, ImportError> {
+    let fault = |error: rusqlite::Error| source.damaged(KIND, error);
+    let length = std::fs::metadata(source.file).map_err(|error| source.unreadable(error))?.len();
+    let database = Connection::open_with_flags(source.file, OpenFlags::SQLITE_OPEN_READ_ONLY).map_err(fault)?;
     let longest = length.max(LONGEST).try_into().unwrap_or(i32::MAX);
     database.set_limit(Limit::SQLITE_LIMIT_LENGTH, longest).map_err(fault)?;
     let limit = INSTRUCTIONS + INSTRUCTIONS_PER_BYTE.saturating_mul(length);
@@ -37,20 +41,33 @@ fn open(path: &Path) -> Result<Connection, ImportError> {
     // A view of these names could compute anything, as its own SQL says.
     let tables =
         "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND rootpage > 0 AND name IN ('topics', 'messages')";
-    let count: i64 = database.query_row(tables, [], |row| row.get(0)).map_err(fault)?;
+    let tables = || database.query_row(tables, [], |row| row.get(0));
+    let count: i64 = match tables() {
+        // Its first page tells of more pages than there are. This is the pragma with which SQLite reads those that are.
+        Err(error) if is_corrupt(&error) => {
+            database.execute_batch("PRAGMA writable_schema = ON").map_err(fault)?;
+            tables()
+        }
+        read => read,
+    }
+    .map_err(fault)?;
     if count != 2 {
-        return Err(damaged(path, "ROS 2 bag", "it does not have the two tables topics and messages"));
+        return Err(source.damaged(KIND, "it does not have the two tables topics and messages"));
     }
     Ok(database)
 }
 
+fn is_corrupt(error: &rusqlite::Error) -> bool {
+    error.sqlite_error_code() == Some(ErrorCode::DatabaseCorrupt)
+}
+
 pub(super) fn visit(
-    path: &Path,
+    source: Source<'_>,
     wanted: &dyn Fn(&StreamInfo) -> bool,
     visitor: &mut Visitor<'_>,
-) -> Result<(), ImportError> {
-    let fault = |error: rusqlite::Error| damaged(path, "ROS 2 bag", error);
-    let database = open(path)?;
+) -> Result<End, ImportError> {
+    let fault = |error: rusqlite::Error| source.damaged(KIND, error);
+    let database = open(source)?;
     let mut topics = database.prepare("SELECT id, name, type, serialization_format FROM topics").map_err(fault)?;
     let mut rows = topics.query([]).map_err(fault)?;
     let mut streams: BTreeMap<i64, StreamInfo> = BTreeMap::new();
@@ -66,21 +83,47 @@ pub(super) fn visit(
             streams.insert(id, stream);
         }
     }
-    let mut messages =
-        database.prepare("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id").map_err(fault)?;
-    let mut rows = messages.query([]).map_err(fault)?;
-    while let Some(row) = rows.next().map_err(fault)? {
+    let mut ordered = database.prepare(ORDERED).map_err(fault)?;
+    let mut has_messages = false;
+    match messages(source, ordered.query([]).map_err(fault)?, &streams, &mut has_messages, visitor)? {
+        // Sorting reads everything before the first message.
+        End::Cut if !has_messages => {}
+        end => return Ok(end),
+    }
+    let mut stored = database.prepare(STORED).map_err(fault)?;
+    match messages(source, stored.query([]).map_err(fault)?, &streams, &mut has_messages, visitor)? {
+        End::Cut if !has_messages => Err(source.damaged(KIND, "its first message cannot be read")),
+        end => Ok(end),
+    }
+}
+
+/// Calls the visitor with the messages, up to a page that is not there.
+fn messages(
+    source: Source<'_>,
+    mut rows: Rows<'_>,
+    streams: &BTreeMap<i64, StreamInfo>,
+    has_messages: &mut bool,
+    visitor: &mut Visitor<'_>,
+) -> Result<End, ImportError> {
+    let fault = |error: rusqlite::Error| source.damaged(KIND, error);
+    loop {
+        let row = match rows.next() {
+            Ok(Some(row)) => row,
+            Ok(None) => return Ok(End::Whole),
+            Err(error) if is_corrupt(&error) => return Ok(End::Cut),
+            Err(error) => return Err(fault(error)),
+        };
+        *has_messages = true;
         let Some(stream) = streams.get(&row.get(0).map_err(fault)?) else { continue };
         let time: i64 = row.get(1).map_err(fault)?;
         let ValueRef::Blob(data) = row.get_ref(2).map_err(fault)? else {
-            return Err(damaged(path, "ROS 2 bag", "a message is no blob"));
+            return Err(source.damaged(KIND, "a message is no blob"));
         };
         let packet = Packet { stream, layout: Layout::Cdr, time_ns: time.max(0) as u64, data: Cow::Borrowed(data) };
         if visitor(packet)?.is_break() {
-            break;
+            return Ok(End::Stopped);
         }
     }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -96,7 +139,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.db3");
         Connection::open(&path).unwrap().execute_batch(&format!("{TOPICS}{sql}")).unwrap();
-        let visited = visit(&path, &|_| true, &mut |_| Ok(ControlFlow::Continue(())));
+        let source = Source { file: &path, name: &path };
+        let visited = visit(source, &|_| true, &mut |_| Ok(ControlFlow::Continue(())));
         visited.unwrap_err().to_string()
     }
 

@@ -7,11 +7,11 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read};
-use std::path::Path;
 
+use mcap::McapError;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use super::packet::{Layout, Packet, StreamInfo, Visitor, damaged, plain_type};
+use super::packet::{End, Layout, Packet, Source, StreamInfo, Visitor, plain_type};
 use crate::error::ImportError;
 
 /// Bytes of a record per byte of the file, and most bytes of one where the file is shorter: those of compressed chunks are
@@ -31,30 +31,48 @@ struct Channel {
     is_wanted: bool,
 }
 
+impl Channel {
+    fn new(name: String, schema: &str, encoding: &str, wanted: &dyn Fn(&StreamInfo) -> bool) -> Self {
+        let kind = plain_type(schema);
+        let (kind, layout) = match encoding {
+            "cdr" => (kind, Layout::Cdr),
+            "ros1" => (kind, Layout::Ros1),
+            other => (format!("{kind} as {other}, which is not read"), Layout::Unread),
+        };
+        let stream = StreamInfo { name, kind };
+        let is_wanted = wanted(&stream);
+        Channel { stream, layout, is_wanted }
+    }
+}
+
 pub(super) fn visit(
-    path: &Path,
+    source: Source<'_>,
     wanted: &dyn Fn(&StreamInfo) -> bool,
     visitor: &mut Visitor<'_>,
-) -> Result<(), ImportError> {
-    let unreadable = |error| ImportError::Read { path: path.to_owned(), error };
-    let file = File::open(path).map_err(unreadable)?;
-    let length = file.metadata().map_err(unreadable)?.len();
+) -> Result<End, ImportError> {
+    let damaged = |problem: String| source.damaged("MCAP", problem);
+    let file = File::open(source.file).map_err(|error| source.unreadable(error))?;
+    let length = file.metadata().map_err(|error| source.unreadable(error))?.len();
     let limit = length.saturating_mul(LARGEST_RATIO).min(LARGEST).max(length);
     let options = LinearReaderOptions::default().with_record_length_limit(limit.try_into().unwrap_or(usize::MAX));
     let mut file = BufReader::new(file);
     let mut reader = LinearReader::new_with_options(options);
     let mut schemas: BTreeMap<u16, String> = BTreeMap::new();
     let mut channels: BTreeMap<u16, Channel> = BTreeMap::new();
+    let mut has_messages = false;
     while let Some(event) = reader.next_event() {
-        let (op, data) = match event.map_err(|error| damaged(path, "MCAP", error))? {
-            LinearReadEvent::ReadRequest(bytes) => {
-                let read = file.read(reader.insert(bytes.clamp(1, STEP))).map_err(unreadable)?;
+        let (op, data) = match event {
+            Ok(LinearReadEvent::ReadRequest(bytes)) => {
+                let read = file.read(reader.insert(bytes.clamp(1, STEP))).map_err(|error| source.unreadable(error))?;
                 reader.notify_read(read);
                 continue;
             }
-            LinearReadEvent::Record { opcode, data } => (opcode, Record { rest: data }),
+            Ok(LinearReadEvent::Record { opcode, data }) => (opcode, Record { rest: data }),
+            // A recording that was interrupted, or a copy that is not complete.
+            Err(McapError::UnexpectedEof) if has_messages => return Ok(End::Cut),
+            Err(error) => return Err(damaged(error.to_string())),
         };
-        let cut = || damaged(path, "MCAP", format!("a record of type {op} is cut off"));
+        let cut = || damaged(format!("a record of type {op} is cut off"));
         match op {
             SCHEMA => {
                 let (id, name) = data.schema().ok_or_else(cut)?;
@@ -62,31 +80,27 @@ pub(super) fn visit(
             }
             CHANNEL => {
                 let (id, schema, name, encoding) = data.channel().ok_or_else(cut)?;
+                let schema = schemas.get(&schema).map_or("", String::as_str);
                 // The summary repeats them.
-                channels.entry(id).or_insert_with(|| {
-                    let kind = schemas.get(&schema).map_or_else(String::new, |name| plain_type(name));
-                    let stream = StreamInfo { name, kind };
-                    let is_wanted = ["cdr", "ros1"].contains(&encoding.as_str()) && wanted(&stream);
-                    let layout = if encoding == "ros1" { Layout::Ros1 } else { Layout::Cdr };
-                    Channel { stream, layout, is_wanted }
-                });
+                channels.entry(id).or_insert_with(|| Channel::new(name, schema, &encoding, wanted));
             }
             MESSAGE => {
+                has_messages = true;
                 let (id, time_ns, data) = data.message().ok_or_else(cut)?;
-                let unknown = || damaged(path, "MCAP", format!("a message is of channel {id}, which is not described"));
+                let unknown = || damaged(format!("a message is of channel {id}, which is not described"));
                 let channel = channels.get(&id).ok_or_else(unknown)?;
                 if channel.is_wanted {
                     let Channel { stream, layout, .. } = channel;
                     let packet = Packet { stream, layout: *layout, time_ns, data: Cow::Borrowed(data) };
                     if visitor(packet)?.is_break() {
-                        return Ok(());
+                        return Ok(End::Stopped);
                     }
                 }
             }
             _ => {}
         }
     }
-    Ok(())
+    Ok(End::Whole)
 }
 
 /// The fields of a record, little-endian and without padding. `None` where it ends before them.

@@ -3,13 +3,13 @@
 mod attachment;
 mod bag;
 mod bounded;
+mod compressed;
 mod db3;
 mod file;
 mod mcap_file;
 mod mkv;
 mod packet;
 
-pub(crate) use attachment::attachment;
 pub(crate) use file::Recording;
 pub use packet::StreamInfo;
 pub(crate) use packet::{Layout, Packet};

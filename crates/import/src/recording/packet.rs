@@ -24,11 +24,12 @@ pub(crate) enum Layout {
     Ros1,
     /// A frame of a Matroska track of this width and height.
     Track([usize; 2]),
+    /// Any that is not read, such as JSON.
+    Unread,
 }
 
 /// A message of a stream.
 pub(crate) struct Packet<'a> {
-    /// Position of its stream in the list of [`Recording::visit`].
     pub stream: &'a StreamInfo,
     pub layout: Layout,
     /// Time of recording, ns.
@@ -38,6 +39,34 @@ pub(crate) struct Packet<'a> {
 
 /// The function that is called with each message; `Break` ends the reading.
 pub(crate) type Visitor<'a> = dyn FnMut(Packet<'_>) -> Result<ControlFlow<()>, ImportError> + 'a;
+
+/// How the reading of a file ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    /// With its last message.
+    Whole,
+    /// The visitor wants no more.
+    Stopped,
+    /// Within a record: the file is cut off.
+    Cut,
+}
+
+/// The place of a file's contents, and the name of it in errors. A file that was compressed as a whole is read elsewhere.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub file: &'a Path,
+    pub name: &'a Path,
+}
+
+impl Source<'_> {
+    pub fn unreadable(&self, error: std::io::Error) -> ImportError {
+        ImportError::Read { path: self.name.to_owned(), error }
+    }
+
+    pub fn damaged(&self, kind: &'static str, message: impl std::fmt::Display) -> ImportError {
+        damaged(self.name, kind, message)
+    }
+}
 
 /// `sensor_msgs/msg/Image` of ROS 2 as ROS 1 has it: `sensor_msgs/Image`.
 pub(super) fn plain_type(name: &str) -> String {

@@ -14,6 +14,7 @@ use super::extrinsics::extrinsics_from;
 use super::inside::within;
 use super::section::{Field, Keys, Section, Source};
 use super::text::read_text;
+use crate::image::Disparity;
 
 /// Name of the file that makes a folder a dataset.
 pub const DATASET_FILE: &str = "dataset.toml";
@@ -57,6 +58,8 @@ pub struct CameraSection {
     /// Millimetres per step of the depth image, or per unit where it holds floating-point numbers: 1000 for metres. Required
     /// where there is depth.
     pub unit_mm: Option<f64>,
+    /// Inverse depth of the disparities that the depth images hold in place of depth; then there is no `unit_mm`.
+    pub disparity: Option<Disparity>,
     /// Intrinsics, as start values or constants, and the lens.
     pub camera: Option<CameraHint>,
     /// Known extrinsics, which no fit changes: the three rows of (R | t) that map the reference's coordinates to this camera's,
@@ -66,7 +69,15 @@ pub struct CameraSection {
 
 impl Default for CameraSection {
     fn default() -> Self {
-        Self { name: CAMERA.to_owned(), image: None, depth: None, unit_mm: None, camera: None, camera_from_rig: None }
+        Self {
+            name: CAMERA.to_owned(),
+            image: None,
+            depth: None,
+            unit_mm: None,
+            disparity: None,
+            camera: None,
+            camera_from_rig: None,
+        }
     }
 }
 
@@ -74,7 +85,7 @@ const SHORT: Keys = &[
     ("", &["board", "boards", "frames", "depth", "camera"]),
     ("board", BOARD_KEYS),
     ("frames", &["image", "depth", "metadata", "associations", "within_s"]),
-    ("depth", &["unit_mm"]),
+    ("depth", &["unit_mm", "kind", "disparity"]),
     ("camera", CAMERA_KEYS),
 ];
 const LONG: Keys = &[
@@ -87,6 +98,8 @@ const MEMBER_KEYS: &[&str] = &[
     "image",
     "depth",
     "unit_mm",
+    "kind",
+    "disparity",
     "fx",
     "fy",
     "cx",
@@ -118,6 +131,15 @@ const UNIT: Field = Field {
     key: "unit_mm",
     remedy: "give the millimetres per step of the depth image, such as unit_mm = 1.0 for depth in mm; it is required where there is depth, \
              never guessed (1000.0 for floating-point depth in metres)",
+};
+const KIND: Field = Field {
+    key: "kind",
+    remedy: "write kind = \"disparity\" with disparity = [a, b], where 1/z = a + b d in 1/mm, or leave it out for depth",
+};
+const DISPARITY: Field = Field {
+    key: "disparity",
+    remedy: "give [a, b] of 1/z = a + b d in 1/mm, in place of unit_mm; for the raw disparity of a Kinect 1 \
+             disparity = [3.1365e-3, -2.8736e-6]",
 };
 const CAMERA_FIELD: Field = Field {
     key: "camera",
@@ -182,7 +204,7 @@ impl DatasetFile {
             if !has_files && self.metadata.is_none() && self.associations.is_none() {
                 return Err(camera.files_missing(source.path));
             }
-            if (camera.depth.is_some() || self.associations.is_some()) && camera.unit_mm.is_none() {
+            if (camera.depth.is_some() || self.associations.is_some()) && !camera.has_unit() {
                 return Err(camera.unit_missing(source.path));
             }
         }
@@ -196,6 +218,11 @@ impl DatasetFile {
 }
 
 impl CameraSection {
+    /// Whether it says what the numbers in its depth images mean.
+    pub(super) fn has_unit(&self) -> bool {
+        self.unit_mm.is_some() || self.disparity.is_some()
+    }
+
     /// Name of the field `image`, `depth` or `unit_mm` with its section.
     pub(super) fn field(&self, key: &str) -> String {
         match (self.name.as_str(), key) {
@@ -239,15 +266,21 @@ enum Cameras<'a> {
 impl Cameras<'_> {
     fn sections(&self) -> Result<Vec<CameraSection>, DatasetError> {
         let unit = |depth: &Section<'_>| depth.positive(UNIT, 0.002..=1000.0);
+        let unit_if_any = |depth: &Section<'_>| depth.get(UNIT).map(|_| unit(depth)).transpose();
         match self {
-            Self::Short { frames, depth, camera } => Ok(vec![CameraSection {
-                name: CAMERA.to_owned(),
-                image: path_of(frames, IMAGE)?,
-                depth: path_of(frames, DEPTH_GLOB)?,
-                unit_mm: depth.as_ref().map(unit).transpose()?,
-                camera: camera.as_ref().map(camera_from).transpose()?,
-                camera_from_rig: None,
-            }]),
+            Self::Short { frames, depth, camera } => {
+                let disparity = depth.as_ref().map(disparity_from).transpose()?.flatten();
+                let unit_mm = depth.as_ref().filter(|_| disparity.is_none()).map(unit).transpose()?;
+                Ok(vec![CameraSection {
+                    name: CAMERA.to_owned(),
+                    image: path_of(frames, IMAGE)?,
+                    depth: path_of(frames, DEPTH_GLOB)?,
+                    unit_mm,
+                    disparity,
+                    camera: camera.as_ref().map(camera_from).transpose()?,
+                    camera_from_rig: None,
+                }])
+            }
             Self::Long(members) => {
                 let camera = |(number, (name, section)): (usize, &(String, Section<'_>))| {
                     let declares = CAMERA_KEYS.iter().any(|key| section.table.contains_key(*key));
@@ -255,7 +288,8 @@ impl Cameras<'_> {
                         name: name.clone(),
                         image: path_of(section, IMAGE)?,
                         depth: path_of(section, DEPTH_GLOB)?,
-                        unit_mm: section.get(UNIT).map(|_| unit(section)).transpose()?,
+                        unit_mm: unit_if_any(section)?,
+                        disparity: disparity_from(section)?,
                         camera: declares.then(|| camera_from(section)).transpose()?,
                         camera_from_rig: extrinsics_from(section, number == 0)?,
                     })
@@ -263,6 +297,29 @@ impl Cameras<'_> {
                 members.iter().enumerate().map(camera).collect()
             }
         }
+    }
+}
+
+/// How the numbers of depth images become inverse depth, where they are disparities.
+fn disparity_from(section: &Section<'_>) -> Result<Option<Disparity>, DatasetError> {
+    let kind = section.string(KIND)?;
+    if let Some(other) = kind.filter(|kind| !["depth", "disparity"].contains(kind)) {
+        return Err(section.fault(section.required(KIND)?, KIND, format!("is {other:?}")));
+    }
+    if kind != Some("disparity") && section.get(DISPARITY).is_none() {
+        return Ok(None);
+    }
+    let value = section.required(DISPARITY)?;
+    if kind == Some("depth") || section.get(UNIT).is_some() {
+        return Err(section.fault(
+            value,
+            DISPARITY,
+            "stands beside unit_mm or kind = \"depth\": one of them is too many",
+        ));
+    }
+    match section.numbers(DISPARITY, 10.0)?.as_deref() {
+        Some([a, b]) if *b != 0.0 => Ok(Some(Disparity([*a, *b]))),
+        _ => Err(section.fault(value, DISPARITY, "is not two numbers, of which the second is not 0")),
     }
 }
 

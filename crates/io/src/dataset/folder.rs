@@ -12,6 +12,7 @@ use super::frame::{Frame, Frames};
 use super::frames::find_frames;
 use super::pairing::{Pairing, Stray};
 use crate::file::{FileError, digest_files};
+use crate::image::{DepthFrame, Disparity, ImageError, read_depth_frame};
 
 /// A folder of captures of a board by one camera or several on one rigid body, described by its `dataset.toml`.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,8 +40,10 @@ pub struct DatasetCamera {
     pub target: Target,
     /// The frames in natural order of their names. Those that this camera missed are not among them.
     pub frames: Vec<Frame>,
-    /// Millimetres per step of the depth images; `None` where there is no depth.
+    /// Millimetres per step of the depth images; `None` where there is no depth, or disparities in its place.
     pub depth_unit_mm: Option<f64>,
+    /// How the disparities that the depth images hold become depth; [`DatasetCamera::read_depth`] gives it in mm.
+    pub disparity: Option<Disparity>,
     /// Declared intrinsics.
     pub camera: Option<CameraHint>,
     /// Known extrinsics, see [`CameraSection::camera_from_rig`].
@@ -78,7 +81,7 @@ impl Dataset {
         let (name, is_one) = (folder_name(root), file.cameras.len() == 1);
         let mut cameras = Vec::new();
         for (declared, frames) in file.cameras.into_iter().zip(frames_by_camera) {
-            if declared.unit_mm.is_none() && frames.frames.iter().any(|frame| frame.depth.is_some()) {
+            if !declared.has_unit() && frames.frames.iter().any(|frame| frame.depth.is_some()) {
                 return Err(declared.unit_missing(&file_path));
             }
             let title = if is_one { name.clone() } else { format!("{name}/{}", declared.name) };
@@ -111,6 +114,7 @@ impl DatasetCamera {
             target: board.clone(),
             frames,
             depth_unit_mm: declared.unit_mm,
+            disparity: declared.disparity,
             camera: declared.camera,
             camera_from_rig: declared.camera_from_rig,
             pairing,
@@ -127,6 +131,23 @@ impl DatasetCamera {
     /// Whether it has images.
     pub fn has_images(&self) -> bool {
         self.frames.iter().any(|frame| frame.image.is_some())
+    }
+
+    /// Reads one of its depth images: depth in [`DatasetCamera::depth_unit_mm`], or in mm where the file holds disparities.
+    ///
+    /// # Errors
+    /// [`ImageError`] with the file, and of a unit that does not fit the type of its values.
+    pub fn read_depth(&self, path: &Path) -> Result<DepthFrame, ImageError> {
+        let frame = read_depth_frame(path)?;
+        match &self.disparity {
+            Some(disparity) => Ok(disparity.depth(&frame)),
+            None => frame.check_unit(path, self.depth_unit_mm.unwrap_or(1.0)).map(|()| frame),
+        }
+    }
+
+    /// Millimetres per unit of the depth that [`DatasetCamera::read_depth`] gives; `None` where nothing is declared.
+    pub fn unit_mm(&self) -> Option<f64> {
+        if self.disparity.is_some() { Some(1.0) } else { self.depth_unit_mm }
     }
 
     /// Whether it has depth images.

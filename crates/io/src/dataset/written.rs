@@ -8,6 +8,7 @@ use serde::{Serialize, Serializer};
 use super::camera_hint::CameraHint;
 use super::declaration::{CameraSection, DatasetFile};
 use crate::file::{FileError, write_atomically};
+use crate::image::Disparity;
 
 /// The sections of `dataset.toml` in the order in which they are written.
 #[derive(Serialize)]
@@ -48,7 +49,10 @@ struct Files<'a> {
 
 #[derive(Serialize)]
 struct Depth {
-    unit_mm: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unit_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    disparity: Option<Disparity>,
 }
 
 #[derive(Serialize)]
@@ -57,6 +61,8 @@ struct Camera<'a> {
     files: Files<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
     unit_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    disparity: Option<Disparity>,
     #[serde(flatten)]
     camera: Option<&'a CameraHint>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -108,7 +114,9 @@ impl DatasetFile {
             board,
             boards: Named(boards),
             frames: has_frames.then_some(frames),
-            depth: short.and_then(|camera| camera.unit_mm).map(|unit_mm| Depth { unit_mm }),
+            depth: short
+                .filter(|camera| camera.has_unit())
+                .map(|camera| Depth { unit_mm: camera.unit_mm, disparity: camera.disparity }),
             camera: short.and_then(|camera| camera.camera.as_ref()),
             cameras: Named(named.iter().map(|section| (section.name.as_str(), camera(section))).collect()),
         })
@@ -139,6 +147,7 @@ fn camera(section: &CameraSection) -> Camera<'_> {
     Camera {
         files: files(section),
         unit_mm: section.unit_mm,
+        disparity: section.disparity,
         camera: section.camera.as_ref(),
         camera_from_rig: section.camera_from_rig,
     }

@@ -2,6 +2,7 @@
 
 mod decoded;
 mod depth_frame;
+mod disparity;
 mod error;
 mod exr_file;
 mod files;
@@ -14,6 +15,7 @@ mod raster;
 mod tiff_file;
 
 pub use depth_frame::{DepthFrame, DepthValues};
+pub use disparity::Disparity;
 pub use error::ImageError;
 pub use files::{
     DEPTH_EXTENSIONS, IMAGE_EXTENSIONS, check_same_size, decode_depth_frame, decode_gray, decode_rgb, read_depth,

@@ -30,6 +30,32 @@ fn complains(text: &str, parts: &[&str]) {
 }
 
 #[test]
+fn disparities_take_the_place_of_a_unit() {
+    let depth = format!("{CHESSBOARD}[frames]\nimage = \"i/*\"\ndepth = \"d/*\"\n[depth]\n");
+    let pair = "disparity = [3.1365e-3, -2.8736e-6]\n";
+    for kind in ["", "kind = \"disparity\"\n"] {
+        let text = format!("{depth}{kind}{pair}");
+        let camera = only(&text);
+        assert_eq!((camera.unit_mm, camera.disparity), (None, Some(Disparity([3.1365e-3, -2.8736e-6]))));
+        // As it was read, it is written.
+        let file = parse(&text).unwrap();
+        assert_eq!(parse(&file.to_toml().unwrap()).unwrap(), file);
+    }
+    let rig = format!("{CHESSBOARD}[cameras.a]\nimage = \"a/*\"\n[cameras.b]\ndepth = \"b/*\"\n{pair}");
+    let rig = parse(&rig).unwrap();
+    assert!(rig.cameras[1].disparity.is_some() && parse(&rig.to_toml().unwrap()).unwrap() == rig);
+    assert_eq!(only(&format!("{depth}kind = \"depth\"\nunit_mm = 1\n")).unit_mm, Some(1.0));
+    // The line to write; a kind that is none; two units; a function that is none.
+    complains(&format!("{depth}kind = \"disparity\"\n"), &["depth.disparity", "[3.1365e-3, -2.8736e-6]"]);
+    complains(&format!("{depth}kind = \"disparity\"\nunit_mm = 1\n"), &["depth.disparity", "[3.1365e-3, -2.8736e-6]"]);
+    complains(&format!("{depth}kind = \"range\"\nunit_mm = 1\n"), &["depth.kind", "range"]);
+    complains(&format!("{depth}unit_mm = 1\n{pair}"), &["depth.disparity", "too many"]);
+    for wrong in ["[1.0]", "[1.0, 0.0]", "[1.0, 2.0, 3.0]"] {
+        complains(&format!("{depth}disparity = {wrong}\n"), &["depth.disparity", "two numbers"]);
+    }
+}
+
+#[test]
 fn every_kind_of_board() {
     let board = |lines: &str| parse(&format!("[board]\ncolumns = 5\nrows = 7\nspacing_mm = 30\n{lines}\n{FRAMES}"));
     assert_eq!(board("kind = \"chessboard\"").unwrap().board.pattern, Pattern::Chessboard);
@@ -158,6 +184,7 @@ fn what_is_written_reads_back() {
             image: Some("ir/*.png".into()),
             depth: Some("depth/*.png".into()),
             unit_mm: Some(0.1),
+            disparity: None,
             camera_from_rig: None,
             camera: Some(CameraHint {
                 numbers: Some(IntrinsicNumbers {
