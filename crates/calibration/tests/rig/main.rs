@@ -1,6 +1,7 @@
 //! Tests of several cameras on one rigid body, one module per subject: `cargo test -p depthcal-calibration --test rig depth_only`
 //! runs those of one module.
 
+mod bent_board;
 mod depth_only;
 mod fields;
 mod jacobians;
