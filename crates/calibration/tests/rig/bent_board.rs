@@ -26,8 +26,8 @@ fn effects<'a>(diagnosis: &'a Diagnosis, camera: &str) -> [Vec<&'a str>; 2] {
     [steps, given]
 }
 
-/// Poses by images alone follow the bend by degrees: frames of the depth camera were dropped for it, and its place was centimetres
-/// off where it was found at all.
+/// Poses by images alone follow the bend by degrees: frames of the depth camera were dropped for it, and its place was
+/// centimetres off where it was found at all.
 #[test]
 fn a_camera_without_images_has_the_board_of_the_others() {
     for seed in [1, 2] {

@@ -99,7 +99,7 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
     Ok(Started { state, pairs: places.pairs, alone, is_declared })
 }
 
-/// Decrease of the cost by a step below which the adjustment ends that gives cameras without images their poses of the board.
+/// Decrease of the cost by a step below which the adjustment ends whose poses of the board cameras without images get.
 const ROUGHLY: f64 = 1e-3;
 
 /// A camera before the adjustment of the rig.

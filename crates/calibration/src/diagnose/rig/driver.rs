@@ -3,7 +3,7 @@
 use depthcal_io::Verdict;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{PieceSpec, Register};
-use tracing::info;
+use tracing::{info, warn};
 
 use super::alone::examined;
 use super::drift_test::{DriftTest, drift_tests};
@@ -21,10 +21,10 @@ const PASSES: usize = 2;
 /// Most effects of a camera without images that are added by trials in the rig.
 const MOST_IN_RIG: usize = 3;
 
-/// Diagnoses several cameras: runs the loop on each that has images and depth, calibrates them jointly with what these show of the
-/// board, runs the loop on those without images given the others' poses, and adjusts all jointly again with the effects that were
-/// added. Errors before and after are those on `verify` where it is given, else on one frame in so many as there are folds, which
-/// both fits leave out.
+/// Diagnoses several cameras: runs the loop on each that has images and depth, calibrates all jointly with what these show of the
+/// board, runs the loop on those without images given the others' poses, and adjusts all again with the effects that were added.
+/// Errors before and after are those on `verify` where it is given, else on one frame in so many as there are folds, which both
+/// fits leave out.
 ///
 /// # Errors
 ///
@@ -49,7 +49,7 @@ pub fn diagnose_rig(
         for camera in capture.cameras.iter().filter(lacks_images) {
             cameras.push(with_board(in_rig(capture, camera, &rig, &given_board)?, of_board.clone()));
         }
-        cameras.sort_by_key(|found| capture.cameras.iter().position(|camera| camera.name == found.name));
+        cameras.sort_by_key(|diagnosed| capture.cameras.iter().position(|camera| camera.name == diagnosed.name));
     }
     let mut with_effects = with_effects_of(&cameras, &options.calibrate)?;
     let usable = without_bad_frames(capture, &cameras);
@@ -70,7 +70,11 @@ pub fn diagnose_rig(
         last = fit(&usable, &with_frame_planes(&with_effects, asked))?;
     }
     check_evidence(&last)?;
-    let (before, after) = (errors(&options.calibrate)?, errors(&with_effects)?);
+    let before = errors(&options.calibrate).or_else(|error| {
+        warn!("the declared models cannot be adjusted jointly ({error}): errors before are those with what cameras show of the board");
+        errors(&given_board.calibrate)
+    })?;
+    let after = errors(&with_effects)?;
     let of_drifts = with_effects.drifts.first().map(|_| Verdict::Effect);
     let without_depth = capture.cameras.iter().filter(|c| !c.capture.has_depth()).map(|c| c.name.clone()).collect();
     let rig = RigDiagnosis { without_depth, drifts, fitted: evaluate_fitted(&last), last, before, after };
@@ -84,8 +88,8 @@ struct ShownByCamera {
     effect: PieceSpec,
 }
 
-/// The loops of the cameras with images and depth, and what they show of the board. There is one board: what one of them shows, the
-/// others are given, and those that were examined without it are examined again.
+/// The loops of the cameras with images and depth, and what they show of the board. There is one board: what one of them shows,
+/// the others are given, and those that were examined without it are examined again.
 fn with_images(
     capture: &Capture,
     verify: Option<&Capture>,
@@ -97,7 +101,7 @@ fn with_images(
         for camera in capture.cameras.iter().filter(|camera| camera.capture.has_depth() && camera.has_markers()) {
             let by_others = of_board.iter().filter(|shown| shown.camera != camera.name);
             let given: Vec<PieceSpec> = by_others.map(|shown| shown.effect.clone()).collect();
-            let earlier = diagnosed.iter().position(|found| found.name == camera.name);
+            let earlier = diagnosed.iter().position(|other| other.name == camera.name);
             let knows = |effect: &PieceSpec| {
                 earlier.is_some_and(|i| diagnosed[i].effects().iter().any(|known| known.name == effect.name))
             };
@@ -105,16 +109,16 @@ fn with_images(
                 continue;
             }
             let of_verify = verify.and_then(|v| v.cameras.iter().find(|c| c.name == camera.name));
-            let found = examine_alone(camera, of_verify, &given, options)?;
+            let examined = examine_alone(camera, of_verify, &given, options)?;
             of_board.retain(|shown| shown.camera != camera.name);
-            for step in &found.diagnosis.steps {
-                if is_of_board(&found.register, &step.spec) {
+            for step in &examined.diagnosis.steps {
+                if is_of_board(&examined.register, &step.spec) {
                     of_board.push(ShownByCamera { camera: camera.name.clone(), effect: step.spec.clone() });
                 }
             }
             match earlier {
-                Some(i) => diagnosed[i] = found,
-                None => diagnosed.push(found),
+                Some(i) => diagnosed[i] = examined,
+                None => diagnosed.push(examined),
             }
         }
     }
@@ -208,17 +212,17 @@ fn examine_alone(
     calibrate.effects.extend(given.iter().cloned());
     let register = calibrate.register.clone();
     let verify = verify.map(|v| &v.capture);
-    let found = looped(&camera.name, &camera.capture, verify, calibrate, (&register, options))?;
-    Ok(with_board(found, given))
+    let diagnosed = looped(&camera.name, &camera.capture, verify, calibrate, (&register, options))?;
+    Ok(with_board(diagnosed, given))
 }
 
 /// The diagnosis of a camera whose loop was given effects of the board that others show.
-fn with_board(mut found: DiagnosedCamera, given: Vec<PieceSpec>) -> DiagnosedCamera {
-    if let Some(in_rig) = &mut found.in_rig {
+fn with_board(mut diagnosed: DiagnosedCamera, given: Vec<PieceSpec>) -> DiagnosedCamera {
+    if let Some(in_rig) = &mut diagnosed.in_rig {
         in_rig.effects.splice(0..0, given.iter().cloned());
         in_rig.of_board = given;
     }
-    found
+    diagnosed
 }
 
 /// The loop on a camera without images, whose board is where the rig has it.
@@ -233,11 +237,11 @@ fn examine_in_rig(
     // frames are cross-validated.
     let (of_depth, register) = (of_depth_alone(&calibrate), calibrate.register.clone());
     let calibrate = CameraOptions { register: of_depth, ..calibrate };
-    let mut found = looped(&camera.name, &frames, None, calibrate, (&register, options))?;
-    if let Some(in_rig) = &mut found.in_rig {
+    let mut diagnosed = looped(&camera.name, &frames, None, calibrate, (&register, options))?;
+    if let Some(in_rig) = &mut diagnosed.in_rig {
         in_rig.poses_from_others = true;
     }
-    Ok(found)
+    Ok(diagnosed)
 }
 
 /// The loop on frames of a camera, whose pieces `register` has.

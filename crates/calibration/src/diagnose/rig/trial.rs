@@ -91,8 +91,8 @@ pub(super) fn tried_in_rig(
     Ok(best)
 }
 
-/// The rig with an effect whose constant, place and form are those that explain most once the rig has it: while it lacked it, pinhole
-/// and place had taken up a part. `None` where the rig cannot be calibrated with it.
+/// The rig with an effect whose constant, place and form are those that explain most once the rig has it: while it lacked it,
+/// pinhole and place had taken up a part. `None` where the rig cannot be calibrated with it.
 fn refined(
     capture: &Capture,
     (camera, number): (&str, usize),

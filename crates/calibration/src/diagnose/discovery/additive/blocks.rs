@@ -45,6 +45,14 @@ pub(super) fn blocks_of(frames: usize) -> usize {
     BLOCKS.min(frames)
 }
 
+/// The products of a block.
+struct OfBlock {
+    /// Of the columns with each other, in single precision: there is one for every block.
+    own: DMatrix<f32>,
+    /// All others.
+    others: Products,
+}
+
 /// Normal equations over the shared parameters and the columns of the dictionary.
 struct Products {
     shared: DMatrix<f64>,
@@ -70,19 +78,18 @@ impl Blocks {
             let frames = observations.frames.iter().enumerate().filter(|(i, _)| block_of(*i, count) == block);
             frames.for_each(|(_, frame)| products.add(frame, dictionary));
             products.own.fill_lower_triangle_with_upper_triangle();
-            products
+            OfBlock { own: products.own.cast(), others: Products { own: DMatrix::zeros(0, 0), ..products } }
         };
-        let products: Vec<Products> = (0..blocks).into_par_iter().map(of_block).collect();
+        let products: Vec<OfBlock> = (0..blocks).into_par_iter().map(of_block).collect();
         let mut total = Products::zeros(observations.shared, dictionary.width);
         products.iter().for_each(|block| total.sum(block));
-        let whole = total.reduced()?;
+        let visible = total.visible()?;
         let trace = |diagonal: &dyn Fn(usize) -> f64| -> Vec<f64> {
             dictionary.groups.iter().map(|group| group.columns.clone().map(diagonal).sum()).collect()
         };
-        let information = trace(&|i| f64::from(whole.hessian[(i, i)]));
+        let information = trace(&|i| visible[i]);
         let alone = trace(&|i| total.own[(i, i)]);
         let tested = (0..information.len()).filter(|g| information[*g] > LEAST_SHARE * alone[*g]).collect();
-        drop(whole);
         let penalty = |number: usize| {
             let sums = DVector::from_column_slice(&total.sums[dictionary.groups[number].columns.clone()]);
             Information { total: information[number], sums }.penalty(dictionary, number, STRENGTH)
@@ -132,13 +139,14 @@ impl Products {
         }
     }
 
-    fn sum(&mut self, other: &Self) {
-        self.shared += &other.shared;
-        self.shared_gradient += &other.shared_gradient;
-        self.cross += &other.cross;
-        self.own += &other.own;
-        self.gradient += &other.gradient;
-        self.sums.iter_mut().zip(&other.sums).for_each(|(sum, own)| *sum += own);
+    fn sum(&mut self, block: &OfBlock) {
+        let OfBlock { own, others } = block;
+        self.shared += &others.shared;
+        self.shared_gradient += &others.shared_gradient;
+        self.cross += &others.cross;
+        self.own.iter_mut().zip(own.iter()).for_each(|(sum, product)| *sum += f64::from(*product));
+        self.gradient += &others.gradient;
+        self.sums.iter_mut().zip(&others.sums).for_each(|(sum, of_block)| *sum += of_block);
     }
 
     /// Adds the rows of a frame. Columns are sparse until the pose is eliminated, which takes off a product of rank six.
@@ -181,34 +189,28 @@ impl Products {
         self.shared_gradient += frame.gradient();
     }
 
-    /// The cost with the shared parameters at their optimum.
-    fn reduced(&self) -> Option<Quadratic> {
-        let factor = self.shared.clone().cholesky()?;
-        let carried = factor.solve(&self.cross);
-        let step = factor.solve(&-&self.shared_gradient);
-        let mut hessian = self.own.clone();
-        hessian.fill_lower_triangle_with_upper_triangle();
-        hessian.gemm_tr(-1.0, &self.cross, &carried, 1.0);
-        Some(Quadratic { hessian: hessian.cast(), gradient: &self.gradient + self.cross.tr_mul(&step) })
+    /// Information on every column that the shared parameters leave.
+    fn visible(&self) -> Option<Vec<f64>> {
+        let carried = self.shared.clone().cholesky()?.solve(&self.cross);
+        let taken = |column: usize| self.cross.column(column).dot(&carried.column(column));
+        Some((0..self.own.ncols()).map(|column| self.own[(column, column)] - taken(column)).collect())
     }
 
     /// The costs of all frames but a block, and of the block.
-    fn leaving_out(&self, block: &Self) -> Option<LeftOut> {
+    fn leaving_out(&self, OfBlock { own, others: block }: &OfBlock) -> Option<LeftOut> {
         let factor = (&self.shared - &block.shared).cholesky()?;
         let cross = &self.cross - &block.cross;
         let carried = factor.solve(&cross);
         let step = factor.solve(&(&block.shared_gradient - &self.shared_gradient));
-        let mut fitted = &self.own - &block.own;
-        fitted.fill_lower_triangle_with_upper_triangle();
+        let mut fitted = self.own.zip_map(own, |all, of_block| all - f64::from(of_block));
         fitted.gemm_tr(-1.0, &cross, &carried, 1.0);
         let gradient = &self.gradient - &block.gradient + cross.tr_mul(&step);
         let fitted = Quadratic { hessian: fitted.cast(), gradient };
         // With the shared parameters at `step` − `carried` w the block's cost is, up to a constant, this in w.
-        let mut held_out = block.own.clone();
-        let turned = block.cross.tr_mul(&carried);
-        held_out -= &turned;
-        held_out -= turned.transpose();
-        held_out += carried.tr_mul(&(&block.shared * &carried));
+        let mut held_out: DMatrix<f64> = own.clone().cast();
+        held_out.gemm_tr(-1.0, &block.cross, &carried, 1.0);
+        held_out.gemm_tr(-1.0, &carried, &block.cross, 1.0);
+        held_out.gemm_tr(1.0, &carried, &(&block.shared * &carried), 1.0);
         let shared_gradient = &block.shared_gradient + &block.shared * &step;
         let gradient = &block.gradient + block.cross.tr_mul(&step) - carried.tr_mul(&shared_gradient);
         Some(LeftOut { fitted, held_out: Quadratic { hessian: held_out.cast(), gradient } })
