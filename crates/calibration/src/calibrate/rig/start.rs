@@ -78,7 +78,7 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
     }
     let mut state = state_of(&of_cameras, frames, options)?;
     if of_cameras.len() < capture.cameras.len() {
-        // Poses by images alone follow a bent board, or a wrong lens: depth says how it is tilted. Offsets need the board's motion.
+        // Poses by images alone follow a bent board or a wrong lens; depth tells its tilt. Offsets need the board's motion.
         if offsets_are_known {
             Adjustment::of_state(&state, true)?.solve_within(ROUGHLY)?.give(&mut state);
         }
