@@ -28,7 +28,7 @@ fn alone(capture: &CameraCapture, fit: &CameraFit, rig: &Calibrated) -> CameraFr
     with_projected_markers(&used_frames, &fit.calibrated.camera, &poses)
 }
 
-/// Frames ([`alone`]) and options with which a camera is examined alone. A camera without images keeps pinhole and lens of the
+/// Frames and options with which a camera is examined alone. A camera without images keeps pinhole and lens of the
 /// rig's fit. `None` where the rig's fit lacks the camera.
 ///
 /// # Errors
