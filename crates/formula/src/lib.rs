@@ -52,5 +52,5 @@ pub use effect::FormulaEffect;
 pub use error::{FormulaError, FormulaFileError};
 pub use file::{FormulaFile, file_text};
 pub use function::FormulaFunction;
-pub use graph::cubic_b_splines;
+
 pub use named_files::{NamedFileError, resolve, resolve_lens, resolve_model, values};

@@ -17,6 +17,7 @@
 //! - uncertainty: [`Covariance`]: joint and marginal, of some or all variables of large sparse problems; undetermined
 //!   combinations of variables by name
 //! - missing effects: [`score`]: score tests of fixed variables, gain on held-out clusters, detectable sizes
+//! - missing functions: [`additive`]: smooth functions of known quantities that residuals depend on, several at once
 //! - pose graphs: [`pose_graph`]: factors, a start by chordal relaxation, a certificate of the global optimum
 //! - checks: [`check_jacobians`]
 //!
@@ -124,16 +125,18 @@
 //! | `uncertainty` | covariances and undetermined combinations |
 //! | `step` | Levenberg–Marquardt, damping, dog-leg, sessions, checkpoints, reports |
 //! | `score` | score tests |
+//! | `additive` | functions that residuals depend on |
 //! | `incremental` | frames reduced onto what they share |
 //! | `pose_graph` | relative poses, their start and their certificate |
 //!
-//! Every folder uses only those above it; `score` uses only `problem`.
+//! Every folder uses only those above it; `score` uses only `problem`, and `additive` only `problem` and `score`.
 //!
 //! Sources: Nocedal and Wright, *Numerical Optimization*, 2006; Triggs, McLauchlan, Hartley and Fitzgibbon, *Bundle
 //! adjustment, a modern synthesis*, 2000; Madsen, Nielsen and Tingleff, *Methods for non-linear least squares problems*,
 //! 2004; Agarwal, Snavely, Seitz and Szeliski, *Bundle adjustment in the large*, 2010; Björck, *Numerical Methods for Least
 //! Squares Problems*, 1996. Equations are cited where they are used.
 
+pub mod additive;
 mod incremental;
 mod normal;
 mod plan;

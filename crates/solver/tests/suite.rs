@@ -1,5 +1,6 @@
 //! The tests of the crate, one module per subject: `cargo test -p depthcal-solver --test suite bounds` runs those of one module.
 
+mod additive;
 mod benchmark_formats;
 mod bounds;
 mod checkpoint;

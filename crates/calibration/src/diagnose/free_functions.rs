@@ -6,13 +6,15 @@
 use std::sync::Arc;
 
 use depthcal_model::{AnyPiece, Block, Of, On, Parameter};
+use depthcal_solver::additive::{Axis, CUBIC, LINEAR, smoothness_precision};
 use nalgebra::DMatrix;
 
 pub use super::along::Along;
 use super::along::log_amplitude;
 use super::observed_states::{ObservedStates, Range};
-use super::spline_piece::{Action, Axis, CUBIC, LINEAR, SplinePiece};
+use super::spline_piece::{Action, SplinePiece};
 use super::thresholds::Thresholds;
+
 /// Basis functions of a map over the image, along its columns and its rows.
 const MAP: [usize; 2] = [7, 6];
 /// Basis functions along image columns or rows alone, where errors of single lines show.
@@ -41,32 +43,6 @@ pub struct FreeFunction {
     /// Precision matrix of its smoothness prior, up to a factor: squared second differences of the coefficients and a weak
     /// ridge.
     pub smoothness: DMatrix<f64>,
-}
-
-/// Weight of the ridge relative to squared second differences.
-const RIDGE: f64 = 1e-2;
-
-/// Precision matrix of second differences along every axis, and a weak ridge.
-pub(super) fn smoothness_precision(axes: &[Axis]) -> DMatrix<f64> {
-    let counts: Vec<usize> = axes.iter().map(|a| a.count).chain(std::iter::once(1)).take(2).collect();
-    let (nu, nv) = (counts[0], counts[1]);
-    let n = nu * nv;
-    let mut p = DMatrix::identity(n, n) * RIDGE;
-    let mut add = |cells: [usize; 3]| {
-        let weights = [1.0, -2.0, 1.0];
-        for (a, wa) in cells.iter().zip(weights) {
-            for (b, wb) in cells.iter().zip(weights) {
-                p[(*a, *b)] += wa * wb;
-            }
-        }
-    };
-    for v in 0..nv {
-        (1..nu.saturating_sub(1)).for_each(|u| add([v * nu + u - 1, v * nu + u, v * nu + u + 1]));
-    }
-    for u in 0..nu {
-        (1..nv.saturating_sub(1)).for_each(|v| add([(v - 1) * nu + u, v * nu + u, (v + 1) * nu + u]));
-    }
-    p
 }
 
 /// A spline, ready to be tested.
@@ -123,20 +99,4 @@ pub fn free_functions(
         list.push(free_function("radius and depth", Along::RadiusAndDepth, on_depth, axes));
     }
     list
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Constants and lines along either axis have no second differences.
-    #[test]
-    fn linear_functions_cost_no_more_than_the_ridge() {
-        let axis = |count| Axis { low: 0.0, high: 1.0, count, degree: CUBIC };
-        let p = smoothness_precision(&[axis(5), axis(4)]) - DMatrix::identity(20, 20) * RIDGE;
-        let plane = nalgebra::DVector::from_fn(20, |i, _| 1.0 + 0.5 * (i % 5) as f64 - 2.0 * (i / 5) as f64);
-        assert!((plane.transpose() * &p * &plane)[(0, 0)].abs() < 1e-10);
-        let bent = plane.map(|x| x * x);
-        assert!((bent.transpose() * &p * &bent)[(0, 0)] > 1.0);
-    }
 }

@@ -4,6 +4,7 @@
 use std::iter::once;
 
 use depthcal_model::{Block, Context, Of, On, PieceSpec, Register};
+use depthcal_solver::additive::{Axis, CUBIC};
 use depthcal_solver::score::ScoreError;
 
 use super::along::Along;
@@ -13,7 +14,7 @@ use super::evidence::{Evidence, difference};
 use super::free_functions::{FreeFunction, free_function};
 use super::merit::significant;
 use super::observed_states::ObservedStates;
-use super::spline_piece::{Action, Axis, CUBIC};
+use super::spline_piece::Action;
 use super::thresholds::Thresholds;
 use crate::calibrate::CalibratedCamera;
 

@@ -2,15 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use depthcal_formula::cubic_b_splines;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{AnyPiece, Context, Of, On, Parameter, Placement, REFERENCE_DEPTH_MM, Role};
+use depthcal_solver::additive::Axis;
 
 use super::along::Along;
-
-/// Degrees of the splines.
-pub(super) const LINEAR: usize = 1;
-pub(super) const CUBIC: usize = 3;
 
 /// Where a free function f acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,29 +26,6 @@ impl Action {
             On::InverseDepth => 1.0,
             On::Factor => -rho / REFERENCE_DEPTH_MM,
         }
-    }
-}
-
-/// One dimension of a tensor product of B-splines.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Axis {
-    pub low: f64,
-    pub high: f64,
-    pub count: usize,
-    /// [`LINEAR`] or [`CUBIC`].
-    pub degree: usize,
-}
-
-impl Axis {
-    /// Number of the first basis function that is not zero at `x`, and the values of it and of the next ones. Beyond the ends
-    /// of the axis the functions are constant.
-    pub(super) fn basis(&self, x: f64) -> (usize, [f64; 4]) {
-        let spans = self.count - self.degree;
-        let t = ((x - self.low) / (self.high - self.low)).clamp(0.0, 1.0) * spans as f64;
-        let span = (t as usize).min(spans - 1);
-        let u = t - span as f64;
-        let values = if self.degree == LINEAR { [1.0 - u, u, 0.0, 0.0] } else { cubic_b_splines(0, u) };
-        (span, values)
     }
 }
 
@@ -161,24 +134,6 @@ impl AnyPiece for SplinePiece {
                         self.each(state, context, |i, b| d[k * n + i] = b * slope);
                     }
                 }
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// B-splines sum to one everywhere, so that constants are free functions.
-    #[test]
-    fn splines_are_a_partition_of_unity() {
-        for degree in [LINEAR, CUBIC] {
-            let axis = Axis { low: -2.0, high: 5.0, count: 9, degree };
-            for i in 0..=100 {
-                let (first, values) = axis.basis(-2.5 + 0.08 * f64::from(i));
-                assert!(first + degree < 9);
-                assert!((values.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             }
         }
     }

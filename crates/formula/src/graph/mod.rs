@@ -6,6 +6,5 @@ mod derivative;
 mod node;
 mod tape;
 
-pub use node::cubic_b_splines;
 pub(crate) use node::{Graph, Id, Input, Unary};
 pub(crate) use tape::Tape;

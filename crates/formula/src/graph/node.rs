@@ -121,7 +121,7 @@ const SUPPORT: usize = 4;
 /// The derivative of an order, up to the third, of the four uniform cubic B-splines that are not zero in a span of length 1, at
 /// `u` from its beginning (de Boor, *A Practical Guide to Splines*, 1978).
 #[inline]
-pub fn cubic_b_splines(order: u8, u: f64) -> [f64; SUPPORT] {
+fn cubic_b_splines(order: u8, u: f64) -> [f64; SUPPORT] {
     let v = 1.0 - u;
     match order {
         0 => [v * v * v, (3.0 * u - 6.0) * u * u + 4.0, (3.0 * v - 6.0) * v * v + 4.0, u * u * u].map(|b| b / 6.0),

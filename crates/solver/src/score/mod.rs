@@ -29,6 +29,7 @@ mod held_out;
 mod linearization;
 mod pseudo_inverse;
 mod score_test;
+pub(crate) mod structure;
 
 pub use efficient::EfficientScores;
 pub use linearization::{Candidate, Linearization, ScoreError};

@@ -124,7 +124,7 @@ fn header() {
 
 impl Study {
     /// Held-out error of a capture under the declared model, mm.
-    fn error_without(&self, simulation: &Simulation) -> Result<f64, Failure> {
+    pub(super) fn error_without(&self, simulation: &Simulation) -> Result<f64, Failure> {
         let options = CameraOptions::default();
         let fit = calibrate_camera(&self.capture(simulation)?, &options)?;
         let folds = CameraDiagnoseOptions::default().folds;
@@ -354,7 +354,7 @@ fn scaled(covariate: &str, o: &Observation) -> f64 {
 
 /// A function of one covariate, or the product of functions of two, in a random place and form, with its covariates and in words.
 /// `size_mm` is its root mean square over the usual ranges.
-fn random_function(rng: &mut ChaCha8Rng, size_mm: f64) -> (GivenEffect, Vec<&'static str>, String) {
+pub(super) fn random_function(rng: &mut ChaCha8Rng, size_mm: f64) -> (GivenEffect, Vec<&'static str>, String) {
     let first = COVARIATES[rng.random_range(0..COVARIATES.len())];
     let second = COVARIATES[rng.random_range(0..COVARIATES.len())];
     let covariates =

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `--level points` or `images` | observations with noise, or images and depth images that are rendered and detected |
 //! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs` | which tables |
-//! | `--what faultless,nature,fine,formulas,rediscovered,coverage,sensitivity` | tables that are made on request only |
+//! | `--what faultless,nature,fine,formulas,rediscovered,several,coverage,sensitivity` | tables that are made on request only |
 //! | `--effects a,b` | these effects only |
 //! | `--thresholds a,b` | these thresholds only, in `sensitivity` |
 //! | `--factors 1,2,4` | sizes, in units of the detectable size |
@@ -29,6 +29,7 @@ mod pairs;
 mod placed;
 mod rediscovered;
 mod sensitivity;
+mod several;
 mod single;
 mod size;
 
@@ -50,7 +51,7 @@ const USAGE: &str = "\
 power_study [--what TABLES] [--level points|images] [--seeds N] [--first K] [--effects a,b] [--factors 1,2,4] [--thresholds a,b]
 
 tables: single, placed, clean, heavy, bad, beyond, absent, pairs; on request: faultless, nature, fine, formulas, rediscovered,
-coverage, sensitivity";
+several, coverage, sensitivity";
 
 /// Anything that can go wrong in a run: it is said, and the run is left out.
 type Failure = Box<dyn Error + Send + Sync>;
@@ -158,6 +159,7 @@ fn main() {
             "fine" => study.fine(),
             "formulas" => study.formulas(),
             "rediscovered" => study.rediscovered(),
+            "several" => study.several(),
             "coverage" => study.coverage(),
             "sensitivity" => study.sensitivity(),
             other => eprintln!("there is no table '{other}'\n\n{USAGE}"),

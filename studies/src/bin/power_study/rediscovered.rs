@@ -39,7 +39,7 @@ const CATALOGUE: [Known; 10] = [
 ];
 
 /// Covariates of an effect of the catalogue; those of the image and of the board have places of their own.
-fn covariates_of(name: &str) -> &'static [&'static str] {
+pub(super) fn covariates_of(name: &str) -> &'static [&'static str] {
     CATALOGUE.iter().find(|known| known.name == name).map_or(&["none"], |known| known.covariates)
 }
 

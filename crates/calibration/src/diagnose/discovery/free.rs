@@ -2,13 +2,12 @@
 
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::{Of, On};
+use depthcal_solver::additive::{Axis, CUBIC, smoothness_precision};
 use nalgebra::{DMatrix, DVector};
 
 use super::observations::{FrameRows, Observations};
 use super::score::smooth_estimate;
 use super::term::Term;
-use crate::diagnose::free_functions::smoothness_precision;
-use crate::diagnose::spline_piece::{Axis, CUBIC};
 
 /// Basis functions over one covariate, and along each of two.
 const ALONE: usize = 24;

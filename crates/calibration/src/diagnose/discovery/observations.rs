@@ -4,6 +4,7 @@
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::chain::POSE;
 use depthcal_model::{Camera, Context, Of, On};
+use depthcal_solver::additive::{ClusterRows, Normal};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -43,12 +44,8 @@ pub(super) struct Sample {
 #[derive(Debug, Clone)]
 pub(super) struct FrameRows {
     pub samples: Vec<Sample>,
-    /// One row per sample: the pose's columns, orthonormal in the metric of the frame's whole information; the shared columns
-    /// without what the pose takes up; the residuals without it.
-    matrix: DMatrix<f64>,
-    /// Normal matrix and gradient of the shared columns, the pose eliminated.
-    hessian: DMatrix<f64>,
-    gradient: DVector<f64>,
+    /// One row per sample, the pose eliminated.
+    pub rows: ClusterRows,
     /// Whether the frame is set aside: searches do not see it, so that it can confirm what they find.
     pub is_set_aside: bool,
 }
@@ -60,29 +57,9 @@ pub(super) struct Observations {
     pub shared: usize,
 }
 
-/// Normal equations of a frame over the shared columns followed by those of a term.
-#[derive(Debug, Clone)]
-pub(super) struct Normal {
-    pub hessian: DMatrix<f64>,
-    pub gradient: DVector<f64>,
-}
-
 /// Whether a frame is in a block that is set aside.
 fn is_in_block_set_aside(frame: usize, frames: usize) -> bool {
     (frame * BLOCKS / frames.max(1)) % 3 == 1
-}
-
-impl Normal {
-    /// Adds another one.
-    pub fn add(&mut self, other: &Self) {
-        self.hessian += &other.hessian;
-        self.gradient += &other.gradient;
-    }
-
-    /// A sum without one of its terms.
-    pub fn without(&self, own: &Self) -> Self {
-        Self { hessian: &self.hessian - &own.hessian, gradient: &self.gradient - &own.gradient }
-    }
 }
 
 impl Sample {
@@ -167,7 +144,8 @@ impl Observations {
                         Some(Sample { state, measured_rho, context: sample.context, residual: residuals[row], slopes })
                     })
                     .collect();
-                FrameRows::new(samples?, &model_jacobian, &residuals, &normal, &gradient)
+                let rows = ClusterRows::new(&model_jacobian, &residuals, &Normal { hessian: normal, gradient }, POSE)?;
+                Some(FrameRows { samples: samples?, rows, is_set_aside: false })
             })
             .collect();
         (frames.len() > 2).then(|| Self { frames, shared }.with_smooth_functions(&camera))
@@ -180,8 +158,7 @@ impl Observations {
         precision /= frames;
         pull /= frames;
         for frame in &mut self.frames {
-            frame.hessian += &precision;
-            frame.gradient += &pull;
+            frame.rows.add_shared(&precision, &pull);
         }
         self
     }
@@ -221,12 +198,17 @@ impl Observations {
 
     /// Sum of the frames' normal matrices of the shared columns.
     pub fn shared_hessian(&self) -> DMatrix<f64> {
-        self.frames.iter().fold(DMatrix::zeros(self.shared, self.shared), |sum, frame| sum + &frame.hessian)
+        self.frames.iter().fold(DMatrix::zeros(self.shared, self.shared), |sum, frame| sum + frame.rows.hessian())
     }
 
     /// The rows with the residuals after a step of the shared columns and of others, which are given by frame.
     pub fn shifted(&self, columns: impl Fn(&FrameRows) -> DMatrix<f64> + Sync, step: &DVector<f64>) -> Self {
-        let frames = self.frames.par_iter().map(|frame| frame.shifted(&columns(frame), step));
+        let shifted = |frame: &FrameRows| FrameRows {
+            samples: frame.samples.clone(),
+            rows: frame.rows.shifted(&columns(frame), step),
+            is_set_aside: frame.is_set_aside,
+        };
+        let frames = self.frames.par_iter().map(shifted);
         Self { frames: frames.collect(), shared: self.shared }
     }
 
@@ -237,59 +219,11 @@ impl Observations {
 
     /// The frames' normal equations over the shared columns and any others, given by frame.
     pub fn normals_of(&self, columns: impl Fn(&FrameRows) -> DMatrix<f64> + Sync) -> Vec<Normal> {
-        self.frames.par_iter().map(|frame| frame.normal(&columns(frame))).collect()
+        self.frames.par_iter().map(|frame| frame.rows.normal(&columns(frame))).collect()
     }
 }
 
 impl FrameRows {
-    /// The rows of samples with the Jacobian `own` of pose and shared parameters, whose normal equations `normal` and `gradient`
-    /// may have more rows; `None` where these do not determine the pose.
-    pub fn new(
-        samples: Vec<Sample>,
-        own: &DMatrix<f64>,
-        residuals: &DVector<f64>,
-        normal: &DMatrix<f64>,
-        gradient: &DVector<f64>,
-    ) -> Option<Self> {
-        let shared = normal.nrows() - POSE;
-        let of_pose = normal.view((0, 0), (POSE, POSE)).into_owned().cholesky()?;
-        let cross = normal.view((0, POSE), (POSE, shared)).into_owned();
-        let carried = of_pose.solve(&cross);
-        let pose_gradient = gradient.rows(0, POSE).into_owned();
-        let pose_step = of_pose.solve(&pose_gradient);
-        let poses = own.columns(0, POSE);
-        let rows = residuals.len();
-        let mut matrix = DMatrix::zeros(rows, POSE + shared + 1);
-        // Z = J_p L⁻ᵀ, so that ZᵀZ is what the pose takes up of a column.
-        let z = of_pose.l().solve_lower_triangular(&poses.transpose())?.transpose();
-        matrix.columns_mut(0, POSE).copy_from(&z);
-        matrix.columns_mut(POSE, shared).copy_from(&(own.columns(POSE, shared) - poses * &carried));
-        matrix.column_mut(POSE + shared).copy_from(&(residuals - poses * pose_step));
-        let hessian = normal.view((POSE, POSE), (shared, shared)) - cross.tr_mul(&carried);
-        let gradient = gradient.rows(POSE, shared) - carried.tr_mul(&pose_gradient);
-        Some(Self { samples, matrix, hessian, gradient, is_set_aside: false })
-    }
-
-    /// ½ Σ r² of its samples, what the pose takes up left out.
-    pub fn cost(&self) -> f64 {
-        0.5 * self.matrix.column(self.matrix.ncols() - 1).norm_squared()
-    }
-
-    /// The rows that columns are multiplied with: pose, shared, residual.
-    pub fn matrix(&self) -> &DMatrix<f64> {
-        &self.matrix
-    }
-
-    /// Normal matrix of the shared columns, the pose eliminated.
-    pub fn hessian(&self) -> &DMatrix<f64> {
-        &self.hessian
-    }
-
-    /// Gradient of the shared columns, the pose eliminated.
-    pub fn gradient(&self) -> &DVector<f64> {
-        &self.gradient
-    }
-
     /// The columns of a term: what its parameters change the residuals by.
     pub fn columns(&self, term: &Term) -> DMatrix<f64> {
         let mut columns = DMatrix::zeros(self.samples.len(), term.columns());
@@ -308,45 +242,4 @@ impl FrameRows {
         }
         columns
     }
-
-    /// The rows with the residuals after a step of the shared columns and of others.
-    fn shifted(&self, columns: &DMatrix<f64>, step: &DVector<f64>) -> Self {
-        let shared = self.hessian.nrows();
-        let (of_shared, of_others) = (step.rows(0, shared), step.rows(shared, step.len() - shared));
-        let change = columns * of_others;
-        let products = self.matrix.tr_mul(&change);
-        let change = change - self.matrix.columns(0, POSE) * products.rows(0, POSE)
-            + self.matrix.columns(POSE, shared) * of_shared;
-        let mut frame = self.clone();
-        let mut residuals = frame.matrix.column_mut(POSE + shared);
-        residuals += change;
-        frame.gradient += products.rows(POSE, shared) + &self.hessian * of_shared;
-        frame
-    }
-
-    /// Normal equations over the shared columns and others.
-    pub fn normal(&self, columns: &DMatrix<f64>) -> Normal {
-        let (shared, more) = (self.hessian.nrows(), columns.ncols());
-        let products = transposed_product(&self.matrix, columns);
-        let of_pose = products.rows(0, POSE);
-        let mut hessian = DMatrix::zeros(shared + more, shared + more);
-        hessian.view_mut((0, 0), (shared, shared)).copy_from(&self.hessian);
-        let cross = products.rows(POSE, shared);
-        hessian.view_mut((0, shared), (shared, more)).copy_from(&cross);
-        hessian.view_mut((shared, 0), (more, shared)).copy_from(&cross.transpose());
-        let reduced = transposed_product(columns, columns) - of_pose.tr_mul(&of_pose);
-        hessian.view_mut((shared, shared), (more, more)).copy_from(&reduced);
-        let mut gradient = DVector::zeros(shared + more);
-        gradient.rows_mut(0, shared).copy_from(&self.gradient);
-        gradient.rows_mut(shared, more).copy_from(&products.row(POSE + shared).transpose());
-        Normal { hessian, gradient }
-    }
-}
-
-/// Columns from which on a product by blocks pays the transposed copy.
-const MANY: usize = 8;
-
-/// Aᵀ B. `tr_mul` multiplies column by column.
-fn transposed_product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
-    if b.ncols() < MANY { a.tr_mul(b) } else { a.transpose() * b }
 }

@@ -1,100 +1,27 @@
 //! Cost that columns explain, from the frames' normal equations: in all frames, and in frames that were left out.
 
+use depthcal_solver::additive::Normal;
 use nalgebra::{DMatrix, DVector};
-
-use super::observations::Normal;
-
-/// The sum of normal equations.
-pub(super) fn sum<'a>(normals: impl IntoIterator<Item = &'a Normal>) -> Option<Normal> {
-    let mut normals = normals.into_iter();
-    let first = normals.next()?.clone();
-    Some(normals.fold(first, |mut sum, normal| {
-        sum.add(normal);
-        sum
-    }))
-}
-
-/// The step that minimises a quadratic cost, and the fall of the cost; undetermined combinations stay as they are.
-fn step(normal: &Normal) -> DVector<f64> {
-    let n = normal.gradient.len();
-    // Columns have units of their own: scaled to equal curvature, so that a common bound tells what is undetermined.
-    let scale: Vec<f64> =
-        normal.hessian.diagonal().iter().map(|d| if *d > 0.0 { d.sqrt().recip() } else { 0.0 }).collect();
-    let scaled = DMatrix::from_fn(n, n, |i, k| {
-        let ridge = if i == k { RIDGE } else { 0.0 };
-        normal.hessian[(i, k)] * scale[i] * scale[k] + ridge
-    });
-    let gradient = DVector::from_fn(n, |i, _| -normal.gradient[i] * scale[i]);
-    match scaled.cholesky() {
-        Some(factor) => DVector::from_fn(n, |i, _| scale[i]).component_mul(&factor.solve(&gradient)),
-        None => DVector::zeros(n),
-    }
-}
-
-/// Ridge on columns scaled to equal curvature: far below what noise determines, far above rounding.
-const RIDGE: f64 = 1e-9;
-
-/// The change of a cost by a step.
-fn change(normal: &Normal, step: &DVector<f64>) -> f64 {
-    normal.gradient.dot(step) + 0.5 * step.dot(&(&normal.hessian * step))
-}
-
-/// The first `shared` columns alone.
-fn of_shared(normal: &Normal, shared: usize) -> Normal {
-    Normal {
-        hessian: normal.hessian.view((0, 0), (shared, shared)).into_owned(),
-        gradient: normal.gradient.rows(0, shared).into_owned(),
-    }
-}
 
 /// Estimates of the columns after the first `shared`, jointly with these, from all frames.
 pub(super) fn estimate(normals: &[Normal], shared: usize) -> Option<DVector<f64>> {
-    let step = step(&sum(normals)?);
+    let step = Normal::sum(normals)?.step();
     Some(step.rows(shared, step.len() - shared).into_owned())
 }
 
 /// Fall of the cost ½ Σ r² of every frame when the columns after the first `shared` are estimated from all other frames, over
 /// that with the shared columns alone. `prior` is added to the columns' normal matrix.
 pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&DMatrix<f64>>) -> Vec<f64> {
-    let Some(mut whole) = sum(normals) else { return Vec::new() };
-    let more = whole.gradient.len() - shared;
+    let Some(mut whole) = Normal::sum(normals) else { return Vec::new() };
     if let Some(prior) = prior {
-        let mut block = whole.hessian.view_mut((shared, shared), (more, more));
-        block += prior;
+        whole.add_prior(shared, prior);
     }
-    let gain = |own: &Normal| {
-        let others = whole.without(own);
-        let without = change(&of_shared(own, shared), &step(&of_shared(&others, shared)));
-        without - change(own, &step(&others))
+    let gain = |frame: &Normal| {
+        let others = whole.without(frame);
+        let without = frame.of_shared(shared).change(&others.of_shared(shared).step());
+        without - frame.change(&others.step())
     };
     normals.iter().map(gain).collect()
-}
-
-/// Fall of the cost of every frame when the columns after the first `shared` are estimated from the frames of all other parts,
-/// over that with the shared columns alone; `part_of` has the part of every frame. `prior` is added to the columns' normal
-/// matrix.
-pub(super) fn left_out_gains(
-    normals: &[Normal],
-    shared: usize,
-    prior: &DMatrix<f64>,
-    part_of: &[usize],
-    parts: usize,
-) -> Vec<f64> {
-    let of_part = |part: usize| {
-        let others = sum(normals.iter().zip(part_of).filter(|(_, of)| **of != part).map(|(normal, _)| normal))?;
-        let without = step(&of_shared(&others, shared));
-        let mut with = others;
-        let more = with.gradient.len() - shared;
-        let mut block = with.hessian.view_mut((shared, shared), (more, more));
-        block += prior;
-        Some((without, step(&with)))
-    };
-    let steps: Vec<Option<(DVector<f64>, DVector<f64>)>> = (0..parts).map(of_part).collect();
-    let gain = |(normal, part): (&Normal, &usize)| {
-        let Some((without, with)) = &steps[*part] else { return 0.0 };
-        change(&of_shared(normal, shared), without) - change(normal, with)
-    };
-    normals.iter().zip(part_of).map(gain).collect()
 }
 
 /// Strengths of a prior, relative to the columns' own information, that are compared on left-out frames.
@@ -129,22 +56,20 @@ fn best_strength(normals: &[Normal], whole: &Normal, shared: usize, prior: &DMat
 
 /// Gains on every frame left out with the strength of a prior that gains most.
 pub(super) fn smooth_gains(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<Vec<f64>> {
-    Some(best_strength(normals, &sum(normals)?, shared, prior).0)
+    Some(best_strength(normals, &Normal::sum(normals)?, shared, prior).0)
 }
 
 /// The largest total gain over some strengths of a prior, relative to the columns' own information, and the estimates with it, of
 /// the shared columns first; `None` where nothing is gained.
 pub(super) fn smooth_estimate(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
-    let mut whole = sum(normals)?;
+    let mut whole = Normal::sum(normals)?;
     let (gains, prior) = best_strength(normals, &whole, shared, prior);
     let gain: f64 = gains.iter().sum();
     if !(gain > 0.0) {
         return None;
     }
-    let more = whole.gradient.len() - shared;
-    let mut block = whole.hessian.view_mut((shared, shared), (more, more));
-    block += prior;
-    Some((gain, step(&whole)))
+    whole.add_prior(shared, &prior);
+    Some((gain, whole.step()))
 }
 
 /// The score of columns against the shared ones: its parts by frame, and its information.
@@ -160,7 +85,7 @@ pub(super) struct Score {
 impl Score {
     /// The score of the columns after the first `shared`.
     pub fn of(normals: &[Normal], shared: usize) -> Option<Self> {
-        let whole = sum(normals)?;
+        let whole = Normal::sum(normals)?;
         let more = whole.gradient.len() - shared;
         let of_shared = whole.hessian.view((0, 0), (shared, shared)).into_owned();
         let cross = whole.hessian.view((0, shared), (shared, more)).into_owned();
@@ -186,9 +111,9 @@ impl Score {
     /// The score of every part when the shared columns are estimated from the others. What they have been fitted to has smaller
     /// residuals than noise (jackknife; MacKinnon, Nielsen, Webb 2023).
     pub fn parts_left_out(&self, normals: &[Normal], shared: usize) -> Vec<DVector<f64>> {
-        let Some(whole) = sum(normals) else { return Vec::new() };
+        let Some(whole) = Normal::sum(normals) else { return Vec::new() };
         let left_out = |(normal, part): (&Normal, &DVector<f64>)| {
-            let step = step(&of_shared(&whole.without(normal), shared));
+            let step = whole.without(normal).of_shared(shared).step();
             let more = normal.gradient.len() - shared;
             let cross = normal.hessian.view((shared, 0), (more, shared)) * &step;
             let through = normal.hessian.view((0, 0), (shared, shared)) * &step;

@@ -188,7 +188,7 @@ impl FrameRows {
                 if weight.is_finite() { weight } else { 0.0 }
             })
             .collect();
-        let mut matrix = self.matrix().transpose();
+        let mut matrix = self.rows.matrix().transpose();
         for (mut column, weight) in matrix.column_iter_mut().zip(&weights) {
             column *= *weight;
         }
@@ -209,7 +209,7 @@ impl Groups {
         let mut groups = Self { frames, hessians: vec![DMatrix::zeros(shared, shared); frames.min(MOST_GROUPS)] };
         for (f, frame) in observations.frames.iter().enumerate() {
             let group = groups.of_frame(f);
-            groups.hessians[group] += frame.hessian();
+            groups.hessians[group] += frame.rows.hessian();
         }
         groups
     }
@@ -317,7 +317,7 @@ impl Job<'_> {
         let carried = of_shared.solve(&cross);
         // Scores without what the shared columns take up of each column.
         for (f, frame) in observations.frames.iter().enumerate() {
-            let taken: DVector<f64> = carried.tr_mul(frame.gradient());
+            let taken: DVector<f64> = carried.tr_mul(frame.rows.gradient());
             let sum = &mut sums[groups.of_frame(f)];
             sum.gradient.iter_mut().zip(&taken).for_each(|(gradient, taken)| *gradient -= taken);
         }

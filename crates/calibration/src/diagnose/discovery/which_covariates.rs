@@ -6,17 +6,17 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::{Of, On};
+use depthcal_solver::additive::{Normal, smoothness_precision};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use tracing::{debug, info};
 
 use super::exchange::Exchange;
 use super::free::FreeFunction;
-use super::observations::{Normal, Observations};
+use super::observations::Observations;
 use super::score::{Score, smooth_gains};
 use super::screened::{LEAST_AGREEMENT, MOST_GROUPS, group_of};
 use super::significance::{DRAWS, RESAMPLES, fewest_of_equals, resamples, signs_of_groups};
-use crate::diagnose::free_functions::smoothness_precision;
 use crate::diagnose::thresholds::Thresholds;
 
 /// One covariate of every family that captures tell apart.
@@ -86,7 +86,7 @@ pub(super) fn which_covariates(observations: &Observations) -> Option<CovariateS
     debug!("covariates: best of resamples {counts:?}");
     let stable: usize =
         counts.iter().filter(|(set, _)| is_alike(observations, set, &best.covariates)).map(|(_, n)| n).sum();
-    let cost: f64 = observations.frames.iter().map(|frame| frame.cost()).sum();
+    let cost: f64 = observations.frames.iter().map(|frame| frame.rows.cost()).sum();
     let set = CovariateSet {
         covariates: best.covariates.clone(),
         p_value: (as_good + 1) as f64 / (DRAWS + 1) as f64,

@@ -1,15 +1,15 @@
 //! The dictionary of the additive model.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
+use std::iter::once;
 
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_io::DiagnosisSearched;
 use depthcal_model::{Of, On};
+use depthcal_solver::additive::{Additive, Axis, CUBIC, Cluster, Group, Table};
 use nalgebra::DMatrix;
 
 use super::super::observations::{FrameRows, Observations, Sample};
-use crate::diagnose::spline_piece::{Axis, CUBIC};
 
 /// Covariates of smooth functions, with the number of their basis functions: errors of single columns and rows, rings, and waves
 /// over depth are finer than effects of amplitude, incidence, time and temperature.
@@ -31,9 +31,8 @@ const PAIRS: [[C; 2]; 4] = [[C::X, C::Y], [C::R, C::Z], [C::X, C::Z], [C::Y, C::
 const OF_PAIRS: usize = 7;
 /// Most basis functions along each: formulas have a limit of parameters.
 const MOST_OF_PAIRS: usize = 9;
-/// Values per row of a group of smooth functions.
-pub(super) const WIDTH: usize = CUBIC + 1;
-
+/// Those that grow with the number of the frame.
+const SEQUENTIAL: [C; 2] = [C::Time, C::Temperature];
 /// A covariate in a place, cut into basis functions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Smooth {
@@ -42,43 +41,25 @@ pub(super) struct Smooth {
     pub axis: Axis,
 }
 
-/// A smooth function of a covariate, or a constant, times a factor, or a smooth function of two covariates, in a place and
-/// form: a group of columns.
+/// A smooth function of a covariate, or a constant, times a factor, or a smooth function of two covariates, in a place and form.
 #[derive(Debug, Clone)]
-pub(super) struct Group {
-    /// Number of its covariate among [`Dictionary::smooth`]; `None` of a constant.
-    pub smooth: Option<usize>,
-    /// Number of its factor among [`Dictionary::factors`].
-    pub factor: Option<usize>,
-    /// Numbers of its two covariates among [`Dictionary::coarse`].
-    pub pair: Option<[usize; 2]>,
+pub(super) struct Function {
+    /// Its splines: of one covariate or of two, or none of a constant.
+    pub splines: Vec<Smooth>,
+    /// With the mean that is subtracted.
+    pub factor: Option<(C, f64)>,
     pub of: Of,
     pub on: On,
-    /// Its columns among all.
-    pub columns: Range<usize>,
 }
 
-/// All groups.
+/// All functions, in the order of the groups of their [`Additive`] model.
 #[derive(Debug)]
 pub(super) struct Dictionary {
-    pub smooth: Vec<Smooth>,
-    /// Covariates of functions of two.
-    pub coarse: Vec<Smooth>,
+    /// Covariates in their places; functions of two have splines of their own.
+    smooth: Vec<Smooth>,
     /// Factors with their means, which are subtracted.
-    pub factors: Vec<(C, f64)>,
-    pub groups: Vec<Group>,
-    pub width: usize,
-}
-
-/// Values of the basis functions, factors and slopes at a sample, of which the entries of all groups are products.
-pub(super) struct Values {
-    /// First basis function and values of every smooth covariate; zero where it is unknown.
-    bases: Vec<(usize, [f64; WIDTH])>,
-    /// Those of functions of two covariates, with their numbers of basis functions.
-    coarse: Vec<(usize, [f64; WIDTH], usize)>,
-    factors: Vec<f64>,
-    /// By place and form.
-    slopes: [[f64; 3]; 2],
+    factors: Vec<(C, f64)>,
+    pub functions: Vec<Function>,
 }
 
 /// Amplitudes spread over decades.
@@ -86,15 +67,59 @@ fn scaled(covariate: C, value: f64) -> f64 {
     if covariate == C::Amplitude { value.ln() } else { value }
 }
 
+/// The number of a covariate in an additive model.
+fn number(covariate: C) -> usize {
+    COVARIATES.iter().position(|(other, _)| *other == covariate).unwrap_or(COVARIATES.len())
+}
+
+/// The covariates of these numbers.
+pub(super) fn covariates_of(numbers: &BTreeSet<usize>) -> BTreeSet<C> {
+    numbers.iter().map(|number| COVARIATES[*number].0).collect()
+}
+
 impl Smooth {
     /// The covariate as the axis has it.
-    pub fn coordinate(&self, sample: &Sample) -> f64 {
+    fn coordinate(&self, sample: &Sample) -> f64 {
         scaled(self.covariate, sample.value(self.covariate, self.of))
     }
 }
 
+impl Function {
+    /// Its covariates.
+    fn covariates(&self) -> BTreeSet<C> {
+        let of_function: BTreeSet<C> =
+            self.splines.iter().map(|smooth| smooth.covariate).chain(self.factor.map(|(c, _)| c)).collect();
+        // A constant in millimetres or as a factor is a function of depth where inverse depth is measured.
+        if of_function.is_empty() { BTreeSet::from([C::Z]) } else { of_function }
+    }
+
+    /// Number of its coefficients.
+    pub fn count(&self) -> usize {
+        self.splines.iter().map(|smooth| smooth.axis.count).product()
+    }
+
+    /// Change of inverse depth where its splines are 1.
+    pub fn weight_in_inverse_depth(&self, sample: &Sample) -> f64 {
+        let slope = sample.slopes[usize::from(self.of == Of::Measured)];
+        self.factor.map_or(1.0, |factor| factor_at(factor, sample)) * sample.slope(self.of, self.on) / slope
+    }
+
+    fn words(&self) -> String {
+        let names: Vec<&str> = self.splines.iter().map(|smooth| smooth.covariate.name()).collect();
+        let splines = if names.is_empty() { "1".to_owned() } else { names.join(", ") };
+        let factor = self.factor.map_or(String::new(), |(c, _)| format!("·{}", c.name()));
+        format!("s({splines}){factor} {} {}", self.of.name(), self.on.name())
+    }
+}
+
+/// The value of a factor at a sample; zero where it is unknown.
+fn factor_at((covariate, mean): (C, f64), sample: &Sample) -> f64 {
+    let value = sample.value(covariate, Of::True) - mean;
+    if value.is_finite() { value } else { 0.0 }
+}
+
 impl Dictionary {
-    /// The groups of the covariates that vary in the observations, with so many times the usual basis functions.
+    /// The functions of the covariates that vary in the observations, with so many times the usual basis functions.
     pub fn of(observations: &Observations, finer: usize) -> Self {
         let smooth_of = |covariate: C, of: Of, count: usize| {
             let span = observations.span(covariate, of)?;
@@ -112,16 +137,9 @@ impl Dictionary {
         };
         let varies = |c: &&C| observations.span(**c, Of::True).is_some();
         let factors: Vec<(C, f64)> = FACTORS.iter().filter(varies).map(|c| (*c, mean(*c))).collect();
-        let of_pairs = (OF_PAIRS - CUBIC) * finer;
-        let of_pairs = (of_pairs + CUBIC).min(MOST_OF_PAIRS);
-        let coarse = [C::X, C::Y, C::R, C::Z].into_iter().filter_map(|covariate| {
-            let axis = smooth_of(covariate, Of::True, OF_PAIRS)?;
-            Some(Smooth { axis: Axis { count: of_pairs, ..axis.axis }, ..axis })
-        });
-        let coarse = coarse.collect();
-        let mut dictionary = Self { smooth, coarse, factors, groups: Vec::new(), width: 0 };
-        dictionary.add_groups();
-        dictionary.add_pairs();
+        let mut dictionary = Self { smooth, factors, functions: Vec::new() };
+        dictionary.add_functions();
+        dictionary.add_pairs(((OF_PAIRS - CUBIC) * finer + CUBIC).min(MOST_OF_PAIRS));
         dictionary
     }
 
@@ -131,152 +149,100 @@ impl Dictionary {
         let has = |covariate: &C| self.smooth.iter().any(|smooth| smooth.covariate == *covariate);
         let (functions_of, unknown): (Vec<C>, Vec<C>) =
             COVARIATES.iter().map(|(covariate, _)| *covariate).partition(has);
-        let pairs: BTreeSet<[usize; 2]> = self.groups.iter().filter_map(|group| group.pair).collect();
+        let mut pairs: Vec<&[C; 2]> = PAIRS.iter().filter(|pair| pair.iter().all(has)).collect();
+        pairs.sort_by_key(|pair| pair.map(number));
         DiagnosisSearched {
             functions_of: functions_of.iter().map(name).collect(),
             times: self.factors.iter().map(|(covariate, _)| name(covariate)).collect(),
-            functions_of_pairs: pairs.iter().map(|pair| pair.map(|i| name(&self.coarse[i].covariate))).collect(),
+            functions_of_pairs: pairs.iter().map(|pair| [name(&pair[0]), name(&pair[1])]).collect(),
             unknown: unknown.iter().map(name).collect(),
         }
     }
 
-    fn add_groups(&mut self) {
-        let factors: Vec<Option<usize>> = std::iter::once(None).chain((0..self.factors.len()).map(Some)).collect();
-        for number in std::iter::once(None).chain((0..self.smooth.len()).map(Some)) {
-            let smooth = number.map(|i| self.smooth[i]);
+    /// Forms differ by powers of depth: a function of depth has them all.
+    fn forms(splines: &[Smooth]) -> &'static [On] {
+        if splines.iter().any(|smooth| smooth.covariate == C::Z) { &[On::InverseDepth] } else { &On::ALL }
+    }
+
+    fn add_functions(&mut self) {
+        let factors: Vec<Option<(C, f64)>> = once(None).chain(self.factors.iter().copied().map(Some)).collect();
+        for smooth in once(None).chain(self.smooth.iter().copied().map(Some)) {
             for factor in &factors {
-                if smooth.is_some_and(|s| factor.is_some_and(|f| self.factors[f].0 == s.covariate)) {
+                if smooth.is_some_and(|s| factor.is_some_and(|(c, _)| c == s.covariate)) {
                     continue;
                 }
-                // Forms differ by powers of depth: a function of depth has them all.
-                let forms =
-                    if smooth.is_some_and(|s| s.covariate == C::Z) { &[On::InverseDepth][..] } else { &On::ALL };
-                for on in forms {
-                    let count = smooth.map_or(1, |s| s.axis.count);
-                    let columns = self.width..self.width + count;
-                    self.width = columns.end;
-                    let place = smooth.map_or(Of::True, |s| s.of);
-                    self.groups.push(Group {
-                        smooth: number,
-                        factor: *factor,
-                        pair: None,
-                        of: place,
-                        on: *on,
-                        columns,
-                    });
-                }
+                let splines: Vec<Smooth> = smooth.into_iter().collect();
+                let of = smooth.map_or(Of::True, |s| s.of);
+                let forms = Self::forms(&splines).iter();
+                let functions = forms.map(|on| Function { splines: splines.clone(), factor: *factor, of, on: *on });
+                self.functions.extend(functions);
             }
         }
     }
 
-    fn add_pairs(&mut self) {
-        let number = |covariate: C| self.coarse.iter().position(|smooth| smooth.covariate == covariate);
-        let pairs: Vec<[usize; 2]> = PAIRS.iter().filter_map(|[a, b]| Some([number(*a)?, number(*b)?])).collect();
-        for pair in pairs {
-            let has_depth = pair.iter().any(|i| self.coarse[*i].covariate == C::Z);
-            let forms = if has_depth { &[On::InverseDepth][..] } else { &On::ALL };
-            for on in forms {
-                let columns =
-                    self.width..self.width + pair.iter().map(|i| self.coarse[*i].axis.count).product::<usize>();
-                self.width = columns.end;
-                let group = Group { smooth: None, factor: None, pair: Some(pair), of: Of::True, on: *on, columns };
-                self.groups.push(group);
-            }
+    fn add_pairs(&mut self, count: usize) {
+        let spline = |covariate: C| {
+            let smooth = self.smooth.iter().find(|smooth| smooth.covariate == covariate)?;
+            Some(Smooth { axis: Axis { count, ..smooth.axis }, ..*smooth })
+        };
+        for [a, b] in PAIRS {
+            let Some(splines) = spline(a).zip(spline(b)).map(|(a, b)| vec![a, b]) else { continue };
+            let forms = Self::forms(&splines).iter();
+            self.functions.extend(forms.map(|on| Function {
+                splines: splines.clone(),
+                factor: None,
+                of: Of::True,
+                on: *on,
+            }));
         }
     }
 
-    /// The axes of a group; none of a constant.
-    pub fn axes(&self, number: usize) -> Vec<Axis> {
-        let Group { smooth, pair, .. } = &self.groups[number];
-        let of_pair = pair.iter().flatten().map(|i| self.coarse[*i].axis);
-        smooth.iter().map(|i| self.smooth[*i].axis).chain(of_pair).collect()
+    /// The column of a factor's weights in a place and form.
+    fn weight(&self, factor: Option<C>, of: Of, on: On) -> usize {
+        let place = |c: C| 1 + self.factors.iter().position(|(other, _)| *other == c).unwrap_or(0);
+        let form = On::ALL.iter().position(|other| *other == on).unwrap_or(0);
+        (factor.map_or(0, place) * Of::ALL.len() + usize::from(of == Of::Measured)) * On::ALL.len() + form
     }
 
-    /// The covariates of a group.
-    pub fn covariates(&self, group: &Group) -> BTreeSet<C> {
-        let smooth = group.smooth.map(|i| self.smooth[i].covariate);
-        let of_pair = group.pair.iter().flatten().map(|i| self.coarse[*i].covariate);
-        let of_group: BTreeSet<C> =
-            smooth.into_iter().chain(group.factor.map(|f| self.factors[f].0)).chain(of_pair).collect();
-        // A constant in millimetres or as a factor is a function of depth where inverse depth is measured.
-        if of_group.is_empty() { BTreeSet::from([C::Z]) } else { of_group }
-    }
-
-    /// Values of the basis functions, factors and slopes at a sample.
-    pub fn values(&self, sample: &Sample) -> Values {
-        let basis = |smooth: &Smooth| {
-            let coordinate = smooth.coordinate(sample);
-            if coordinate.is_finite() { smooth.axis.basis(coordinate) } else { (0, [0.0; WIDTH]) }
+    /// The additive model of the observations.
+    pub fn model<'a>(&self, observations: &'a Observations) -> Additive<'a> {
+        let column = |spline: &Smooth| {
+            let is_same = |smooth: &Smooth| (smooth.covariate, smooth.of) == (spline.covariate, spline.of);
+            self.smooth.iter().position(is_same).unwrap_or(0)
         };
-        let factor = |(covariate, mean): &(C, f64)| {
-            let value = sample.value(*covariate, Of::True) - mean;
-            if value.is_finite() { value } else { 0.0 }
+        let group = |function: &Function| Group {
+            axes: function.splines.iter().map(|spline| (column(spline), spline.axis)).collect(),
+            weight: self.weight(function.factor.map(|(c, _)| c), function.of, function.on),
+            covariates: function.covariates().into_iter().map(number).collect(),
+            words: function.words(),
         };
-        Values {
-            bases: self.smooth.iter().map(basis).collect(),
-            coarse: self
-                .coarse
-                .iter()
-                .map(|smooth| {
-                    let (first, values) = basis(smooth);
-                    (first, values, smooth.axis.count)
-                })
-                .collect(),
-            factors: self.factors.iter().map(factor).collect(),
-            slopes: Of::ALL.map(|of| On::ALL.map(|on| sample.slope(of, on))),
+        let cluster = |frame: &'a FrameRows| Cluster { rows: &frame.rows, table: self.table(frame) };
+        Additive {
+            clusters: observations.frames.iter().map(cluster).collect(),
+            groups: self.functions.iter().map(group).collect(),
+            sequential: SEQUENTIAL.into_iter().map(number).collect(),
         }
     }
 
-    /// Change of inverse depth where the smooth function of a group is 1.
-    pub fn weight_in_inverse_depth(&self, group: &Group, sample: &Sample) -> f64 {
-        let slope = sample.slopes[usize::from(group.of == Of::Measured)];
-        self.values(sample).weight(group) / slope
-    }
-
-    /// The columns of some groups in a frame, one after the other.
-    pub fn columns(&self, frame: &FrameRows, groups: &[usize]) -> DMatrix<f64> {
-        let width: usize = groups.iter().map(|g| self.groups[*g].columns.len()).sum();
-        let mut columns = DMatrix::zeros(frame.samples.len(), width);
+    fn table(&self, frame: &FrameRows) -> Table {
+        let rows = frame.samples.len();
+        let mut covariates = DMatrix::zeros(rows, self.smooth.len());
+        let mut weights = DMatrix::zeros(rows, (1 + self.factors.len()) * Of::ALL.len() * On::ALL.len());
         for (row, sample) in frame.samples.iter().enumerate() {
-            let values = self.values(sample);
-            let mut start = 0;
-            for group in groups.iter().map(|g| &self.groups[*g]) {
-                values.runs(group, |first, entries| {
-                    for (i, entry) in entries.iter().enumerate().take(group.columns.len()) {
-                        columns[(row, start + first + i)] = *entry;
-                    }
-                });
-                start += group.columns.len();
+            for (column, smooth) in self.smooth.iter().enumerate() {
+                covariates[(row, column)] = smooth.coordinate(sample);
             }
-        }
-        columns
-    }
-}
-
-impl Values {
-    /// Change of the residual where the smooth function of a group is 1.
-    pub fn weight(&self, group: &Group) -> f64 {
-        let place = usize::from(group.of == Of::Measured);
-        let form = On::ALL.iter().position(|on| *on == group.on).unwrap_or(0);
-        group.factor.map_or(1.0, |f| self.factors[f]) * self.slopes[place][form]
-    }
-
-    /// Hands on the columns of a group that are not zero in runs, by the number of the first, counted within the group: of a
-    /// function of one covariate one run, of two one for every basis function along the second, of a constant its one column.
-    pub fn runs(&self, group: &Group, mut run: impl FnMut(usize, [f64; WIDTH])) {
-        let weight = self.weight(group);
-        match (group.smooth, group.pair) {
-            (_, Some([u, v])) => {
-                let ((first, along, per_row), (first_row, across, _)) = (self.coarse[u], self.coarse[v]);
-                for (row, value) in across.iter().enumerate() {
-                    run((first_row + row) * per_row + first, along.map(|entry| entry * value * weight));
+            let mut column = 0;
+            for factor in once(None).chain(self.factors.iter().copied().map(Some)) {
+                let factor = factor.map_or(1.0, |factor| factor_at(factor, sample));
+                for of in Of::ALL {
+                    for on in On::ALL {
+                        weights[(row, column)] = factor * sample.slope(of, on);
+                        column += 1;
+                    }
                 }
             }
-            (Some(smooth), None) => {
-                let (first, values) = self.bases[smooth];
-                run(first, values.map(|value| value * weight));
-            }
-            (None, None) => run(0, [weight, 0.0, 0.0, 0.0]),
         }
+        Table { covariates, weights }
     }
 }

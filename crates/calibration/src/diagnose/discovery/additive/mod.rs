@@ -1,19 +1,11 @@
 //! Additive model of the residuals, several functions at once: smooth functions of one covariate, each alone or times another, in
 //! every place and form.
 //!
-//! Two effects can hide each other where each is tested alone: neither lowers the error of left-out frames for certain while the
-//! other is there. So all pairs of functions are compared, by algebra on one matrix of products per block of frames (`blocks`),
-//! members are exchanged against all others, and each is tested against chance given all others (`search`). A function that no
-//! known effect explains is described by a formula (`description`).
-//!
-//! The model: Hastie, Tibshirani, *Generalized Additive Models* (1990); its smooth functions: Eilers, Marx, *Flexible smoothing
-//! with B-splines and penalties*, Statistical Science 11 (1996).
+//! The search is that of [`depthcal_solver::additive`]; here are the functions of a depth camera (`dictionary`). A function that
+//! no known effect explains is described by a formula (`description`).
 
-mod blocks;
 mod description;
 mod dictionary;
-mod penalty;
-mod search;
 mod spline_formula;
 #[cfg(test)]
 mod tests;
@@ -21,14 +13,13 @@ mod tests;
 use depthcal_io::DiagnosisSearched;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera, Register};
+use depthcal_solver::additive::{Found, search};
 use tracing::info;
 
-use self::blocks::Blocks;
-use self::description::Descriptions;
-use self::dictionary::Dictionary;
-use self::search::{Found, components};
+use self::description::descriptions;
+use self::dictionary::{Dictionary, covariates_of};
 use super::discovered::Discovery;
-use super::observations::{FrameRows, Observations};
+use super::observations::Observations;
 use crate::calibrate::CalibratedCamera;
 use crate::diagnose::candidate_blocks::with_pieces;
 
@@ -79,34 +70,20 @@ pub fn searched(fit: &CalibratedCamera) -> Option<DiagnosisSearched> {
 
 /// The functions that residuals depend on, described by formulas.
 fn described(observations: &Observations, taken: &[String]) -> Vec<Component> {
-    let dictionary = Dictionary::of(observations, 1);
-    let Some(blocks) = Blocks::of(observations, &dictionary) else { return Vec::new() };
-    let functions = components(observations, &dictionary, &blocks);
-    if functions.is_empty() {
+    let found = search(&Dictionary::of(observations, 1).model(observations));
+    if found.is_empty() {
         return Vec::new();
     }
-    let Some(descriptions) = Descriptions::best(observations, &functions) else { return Vec::new() };
-    let cost: f64 = observations.frames.iter().map(FrameRows::cost).sum();
-    let groups_but = |without: Option<usize>| -> Vec<usize> {
-        let others = functions.iter().enumerate().filter(|(place, _)| Some(*place) != without);
-        others.flat_map(|(_, function)| function.groups.clone()).collect()
-    };
-    let gain = |without| blocks.gain(&dictionary, &groups_but(without));
-    let gain_of_all = gain(None);
-    let share = |place: usize| (gain_of_all - gain(Some(place))) / cost;
-    let mut taken = taken.to_vec();
-    let mut described = Vec::new();
-    for (place, Found { covariates, .. }) in functions.iter().enumerate() {
-        let names: Vec<&str> = covariates.iter().map(|c| c.name()).collect();
-        match descriptions.formula(place, &taken) {
+    let mut components = Vec::new();
+    for (Found { covariates, share, .. }, description) in found.iter().zip(descriptions(observations, &found, taken)) {
+        let names: Vec<&str> = covariates_of(covariates).iter().map(|c| c.name()).collect();
+        match description {
             Ok(description) => {
-                let share = share(place);
                 info!("additive: {}, {share:.3} of the residuals: {}", names.join(", "), description.effect.text());
-                taken.push(description.effect.name().to_owned());
-                described.push(Component { share, description });
+                components.push(Component { share: *share, description });
             }
             Err(reason) => info!("additive: {}: {reason}", names.join(", ")),
         }
     }
-    described
+    components
 }

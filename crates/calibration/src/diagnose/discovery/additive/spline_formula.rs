@@ -8,21 +8,15 @@ use depthcal_model::{
     AddsTo, ConstantTable, FormulaConstant, FormulaDefinition, FormulaParameter, FormulaText, On, ParameterTable,
     SmoothParameters,
 };
+use depthcal_solver::additive::Precision;
 
 use super::super::definition::{unit_of, unit_text};
-use super::dictionary::{Group, Smooth};
-use super::penalty::Precision;
+use super::dictionary::{Function, Smooth};
 
-/// A group of the dictionary with what its formula needs.
+/// A function of the dictionary with what its formula needs.
 #[derive(Debug)]
 pub(super) struct Part<'a> {
-    pub group: &'a Group,
-    /// Of the spline, with its axis; `None` of a constant.
-    pub smooth: Option<Smooth>,
-    /// Of both covariates of a function of two.
-    pub pair: Option<[Smooth; 2]>,
-    /// With the mean that is subtracted.
-    pub factor: Option<(C, f64)>,
+    pub function: &'a Function,
     pub precision: Precision,
     /// Root mean square over the samples of the change of inverse depth where the function is 1.
     pub rms: f64,
@@ -34,7 +28,7 @@ const TYPICAL: f64 = 1e-6;
 /// The sum of some groups as a formula, `found_r_z` or the like.
 pub(super) fn formula(covariates: &BTreeSet<C>, parts: &[Part<'_>], taken: &[String]) -> Result<FormulaEffect, String> {
     // Groups of one function may have different forms: they are brought to the first one's by powers of depth.
-    let (place, on) = (parts[0].group.of, parts[0].group.on);
+    let (place, on) = (parts[0].function.of, parts[0].function.on);
     let (adds_to, target) = match on {
         On::Depth => (AddsTo::Depth, [1, 0, 0, 0]),
         On::InverseDepth => (AddsTo::InverseDepth, [-1, 0, 0, 0]),
@@ -56,18 +50,18 @@ pub(super) fn formula(covariates: &BTreeSet<C>, parts: &[Part<'_>], taken: &[Str
     for (number, part) in parts.iter().enumerate() {
         let mut unit = target;
         let mut factors = String::new();
-        if let Some((covariate, mean)) = part.factor {
+        if let Some((covariate, mean)) = part.function.factor {
             let name = format!("m{}", number + 1);
             definition.constants.insert(name.clone(), constant(mean, covariate));
             factors += &format!("({} - {name}) * ", covariate.name());
             unit.iter_mut().zip(unit_of(covariate)).for_each(|(unit, own)| *unit -= own);
         }
-        let (power, exponent) = power_between(part.group.on, on);
+        let (power, exponent) = power_between(part.function.on, on);
         factors += power;
         unit[0] -= exponent;
         let first = definition.parameters.len() + 1;
         // Digits keep the order of names that of numbers.
-        let names: Vec<String> = (first..first + part.group.columns.len()).map(|c| format!("c{c:02}")).collect();
+        let names: Vec<String> = (first..first + part.function.count()).map(|c| format!("c{c:02}")).collect();
         for name in &names {
             let table = ParameterTable {
                 unit: unit_text(unit),
@@ -78,19 +72,19 @@ pub(super) fn formula(covariates: &BTreeSet<C>, parts: &[Part<'_>], taken: &[Str
             };
             definition.parameters.insert(name.clone(), FormulaParameter::Table(table));
         }
-        let per_row = part.pair.map(|[along, _]| along.axis.count);
+        let per_row = if let [along, _] = &part.function.splines[..] { Some(along.axis.count) } else { None };
         let mut spline = |smooth: Smooth, label: &str, coefficients: &[String]| {
             format!("spline({}, {})", range(&mut definition, smooth, label), coefficients.join(", "))
         };
         let label = (number + 1).to_string();
-        let shape = match (part.smooth, part.pair) {
+        let shape = match &part.function.splines[..] {
+            [] => names.join(", "),
+            [smooth] => spline(*smooth, &label, &names),
             // The coefficients of a spline of one covariate are splines of the other.
-            (_, Some([along, across])) => {
-                let rows: Vec<String> = names.chunks(along.axis.count).map(|row| spline(along, &label, row)).collect();
-                spline(across, &format!("{label}b"), &rows)
+            [along, across, ..] => {
+                let rows: Vec<String> = names.chunks(along.axis.count).map(|row| spline(*along, &label, row)).collect();
+                spline(*across, &format!("{label}b"), &rows)
             }
-            (Some(smooth), None) => spline(smooth, &label, &names),
-            (None, None) => names.join(", "),
         };
         texts.push(format!("{factors}{shape}"));
         let deviation = |precision: f64| rounded(1.0 / precision.sqrt(), 3);

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::Context;
 use depthcal_model::chain::POSE;
+use depthcal_solver::additive::{ClusterRows, Normal};
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -46,7 +47,9 @@ fn observations(seed: u64, error_mm: impl Fn([f64; 2], f64) -> f64) -> Observati
         let residuals = DVector::from_iterator(SAMPLES, samples.iter().map(|sample| sample.residual));
         let mut normal = jacobian.tr_mul(&jacobian);
         (0..POSE).for_each(|i| normal[(i, i)] += POSE_SIGMAS.powi(-2));
-        FrameRows::new(samples, &jacobian, &residuals, &normal, &jacobian.tr_mul(&residuals)).unwrap()
+        let normal = Normal { hessian: normal, gradient: jacobian.tr_mul(&residuals) };
+        let rows = ClusterRows::new(&jacobian, &residuals, &normal, POSE).unwrap();
+        FrameRows { samples, rows, is_set_aside: false }
     });
     Observations { frames: frames.collect(), shared: 3 }
 }

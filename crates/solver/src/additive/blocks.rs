@@ -1,33 +1,35 @@
-//! Products of all columns of the dictionary, by blocks of frames: everything else is algebra on these.
+//! Products of all columns of an additive model, by blocks of clusters: everything else is algebra on these.
 
-use depthcal_model::chain::POSE;
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::super::observations::{FrameRows, Observations};
-use super::dictionary::{Dictionary, WIDTH};
+use super::axis::SUPPORT;
+use super::model::{Additive, Cluster, Group};
 use super::penalty::{Information, STRENGTH, block_diagonal};
 
-/// Blocks of consecutive frames, of which one is left out at a time.
+/// Blocks of consecutive clusters, of which one is left out at a time.
 const BLOCKS: usize = 6;
 /// Share of its information that a group has to keep where the shared parameters are free: else it is one of these.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// A cost in the columns of the dictionary: gᵀw + ½ wᵀHw.
+/// A cost in the columns of all groups: gᵀw + ½ wᵀHw.
 struct Quadratic {
     /// In single precision: there are two for every block, and the penalties are far above its rounding.
     hessian: DMatrix<f32>,
     gradient: DVector<f64>,
 }
 
-/// The costs of the frames without a block, and of the block, with the shared parameters at the optimum of the former.
+/// The costs of the clusters without a block, and of the block, with the shared parameters at the optimum of the former.
 struct LeftOut {
     fitted: Quadratic,
     held_out: Quadratic,
 }
 
-/// The products of all columns by blocks of frames.
+/// The products of all columns by blocks of clusters.
 pub(super) struct Blocks {
+    ranges: Vec<Range<usize>>,
     left_out: Vec<LeftOut>,
     /// Penalty of every group.
     pub penalties: Vec<DMatrix<f64>>,
@@ -35,14 +37,14 @@ pub(super) struct Blocks {
     pub tested: Vec<usize>,
 }
 
-/// The block of a frame.
-pub(super) fn block_of(frame: usize, frames: usize) -> usize {
-    frame * blocks_of(frames) / frames.max(1)
+/// The block of a cluster.
+pub(super) fn block_of(cluster: usize, clusters: usize) -> usize {
+    cluster * blocks_of(clusters) / clusters.max(1)
 }
 
 /// The number of blocks.
-pub(super) fn blocks_of(frames: usize) -> usize {
-    BLOCKS.min(frames)
+pub(super) fn blocks_of(clusters: usize) -> usize {
+    BLOCKS.min(clusters)
 }
 
 /// The products of a block.
@@ -53,7 +55,7 @@ struct OfBlock {
     others: Products,
 }
 
-/// Normal equations over the shared parameters and the columns of the dictionary.
+/// Normal equations over the shared parameters and the columns of all groups.
 struct Products {
     shared: DMatrix<f64>,
     shared_gradient: DVector<f64>,
@@ -61,47 +63,49 @@ struct Products {
     /// The upper triangle by groups.
     own: DMatrix<f64>,
     gradient: DVector<f64>,
-    /// Sum of every column's basis function over the samples.
+    /// Sum of every column's entries over the rows.
     sums: Vec<f64>,
 }
 
 impl Blocks {
-    /// The products of the frames; `None` where they do not determine the shared parameters, or there are too few.
-    pub fn of(observations: &Observations, dictionary: &Dictionary) -> Option<Self> {
-        let count = observations.frames.len();
+    /// The products of the clusters; `None` where they do not determine the shared parameters, or there are too few.
+    pub fn of(model: &Additive<'_>) -> Option<Self> {
+        let count = model.clusters.len();
         let blocks = blocks_of(count);
-        if blocks < 3 || dictionary.groups.is_empty() {
+        let ranges = model.ranges();
+        let width = ranges.last()?.end;
+        if blocks < 3 {
             return None;
         }
         let of_block = |block: usize| {
-            let mut products = Products::zeros(observations.shared, dictionary.width);
-            let frames = observations.frames.iter().enumerate().filter(|(i, _)| block_of(*i, count) == block);
-            frames.for_each(|(_, frame)| products.add(frame, dictionary));
+            let mut products = Products::zeros(model.shared(), width);
+            let clusters = model.clusters.iter().enumerate().filter(|(i, _)| block_of(*i, count) == block);
+            clusters.for_each(|(_, cluster)| products.add(cluster, &model.groups, &ranges));
             products.own.fill_lower_triangle_with_upper_triangle();
             OfBlock { own: products.own.cast(), others: Products { own: DMatrix::zeros(0, 0), ..products } }
         };
         let products: Vec<OfBlock> = (0..blocks).into_par_iter().map(of_block).collect();
-        let mut total = Products::zeros(observations.shared, dictionary.width);
+        let mut total = Products::zeros(model.shared(), width);
         products.iter().for_each(|block| total.sum(block));
         let visible = total.visible()?;
         let trace = |diagonal: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            dictionary.groups.iter().map(|group| group.columns.clone().map(diagonal).sum()).collect()
+            ranges.iter().map(|columns| columns.clone().map(diagonal).sum()).collect()
         };
         let information = trace(&|i| visible[i]);
         let alone = trace(&|i| total.own[(i, i)]);
         let tested = (0..information.len()).filter(|g| information[*g] > LEAST_SHARE * alone[*g]).collect();
         let penalty = |number: usize| {
-            let sums = DVector::from_column_slice(&total.sums[dictionary.groups[number].columns.clone()]);
-            Information { total: information[number], sums }.penalty(dictionary, number, STRENGTH)
+            let sums = DVector::from_column_slice(&total.sums[ranges[number].clone()]);
+            Information { total: information[number], sums }.penalty(&model.groups[number], STRENGTH)
         };
         let penalties = (0..information.len()).map(penalty).collect();
         let left_out: Option<Vec<LeftOut>> = products.into_par_iter().map(|block| total.leaving_out(&block)).collect();
-        Some(Self { left_out: left_out?, penalties, tested })
+        Some(Self { ranges, left_out: left_out?, penalties, tested })
     }
 
     /// Fall of the cost of all blocks, each left out, with some groups, which are given by their numbers.
-    pub fn gain(&self, dictionary: &Dictionary, groups: &[usize]) -> f64 {
-        let columns: Vec<usize> = groups.iter().flat_map(|g| dictionary.groups[*g].columns.clone()).collect();
+    pub fn gain(&self, groups: &[usize]) -> f64 {
+        let columns: Vec<usize> = groups.iter().flat_map(|g| self.ranges[*g].clone()).collect();
         let penalty = block_diagonal(groups.iter().map(|g| &self.penalties[*g]));
         self.left_out.iter().map(|part| part.gain(&columns, &penalty)).sum()
     }
@@ -149,18 +153,19 @@ impl Products {
         self.sums.iter_mut().zip(&others.sums).for_each(|(sum, of_block)| *sum += of_block);
     }
 
-    /// Adds the rows of a frame. Columns are sparse until the pose is eliminated, which takes off a product of rank six.
-    fn add(&mut self, frame: &FrameRows, dictionary: &Dictionary) {
-        let rows = frame.matrix();
+    /// Adds the rows of a cluster. Columns are sparse until its own variables are eliminated, which takes off a product of low rank.
+    fn add(&mut self, cluster: &Cluster<'_>, groups: &[Group], ranges: &[Range<usize>]) {
+        let rows = cluster.rows.matrix();
         let kinds = rows.ncols();
-        let shared = kinds - POSE - 1;
-        let mut with_rows = DMatrix::zeros(kinds, dictionary.width);
-        for (row, sample) in frame.samples.iter().enumerate() {
-            let values = dictionary.values(sample);
-            let mut of_row: Vec<(usize, [f64; WIDTH], usize)> = Vec::with_capacity(2 * dictionary.groups.len());
-            for group in &dictionary.groups {
-                let count = group.columns.len().min(WIDTH);
-                values.runs(group, |first, entries| of_row.push((group.columns.start + first, entries, count)));
+        let (local, shared) = (cluster.rows.local(), cluster.rows.shared());
+        let mut with_rows = DMatrix::zeros(kinds, self.gradient.len());
+        let mut of_row: Vec<(usize, [f64; SUPPORT], usize)> = Vec::with_capacity(2 * groups.len());
+        for row in 0..rows.nrows() {
+            of_row.clear();
+            for (group, columns) in groups.iter().zip(ranges) {
+                let count = columns.len().min(SUPPORT);
+                let take = |first, entries| of_row.push((columns.start + first, entries, count));
+                group.runs(&cluster.table, row, take);
             }
             for (i, (start, entries, count)) in of_row.iter().enumerate() {
                 for a in 0..*count {
@@ -181,12 +186,12 @@ impl Products {
                 }
             }
         }
-        let of_pose = with_rows.rows(0, POSE);
-        self.own.gemm_tr(-1.0, &of_pose, &of_pose, 1.0);
-        self.cross += with_rows.rows(POSE, shared);
-        self.gradient += with_rows.row(POSE + shared).transpose();
-        self.shared += frame.hessian();
-        self.shared_gradient += frame.gradient();
+        let of_own = with_rows.rows(0, local);
+        self.own.gemm_tr(-1.0, &of_own, &of_own, 1.0);
+        self.cross += with_rows.rows(local, shared);
+        self.gradient += with_rows.row(local + shared).transpose();
+        self.shared += cluster.rows.hessian();
+        self.shared_gradient += cluster.rows.gradient();
     }
 
     /// Information on every column that the shared parameters leave.
@@ -196,7 +201,7 @@ impl Products {
         Some((0..self.own.ncols()).map(|column| self.own[(column, column)] - taken(column)).collect())
     }
 
-    /// The costs of all frames but a block, and of the block.
+    /// The costs of all clusters but a block, and of the block.
     fn leaving_out(&self, OfBlock { own, others: block }: &OfBlock) -> Option<LeftOut> {
         let factor = (&self.shared - &block.shared).cholesky()?;
         let cross = &self.cross - &block.cross;

@@ -2,25 +2,23 @@
 
 use std::collections::BTreeSet;
 
-use depthcal_formula::FormulaCovariate as C;
 use depthcal_statistics::normal_tail;
 use rayon::prelude::*;
 use tracing::debug;
 
-use super::super::observations::{Normal, Observations};
-use super::super::score::left_out_gains;
 use super::blocks::{Blocks, block_of, blocks_of};
-use super::dictionary::Dictionary;
+use super::model::Additive;
+use super::normal::{Normal, left_out_gains};
 use super::penalty::block_diagonal;
 
 /// Most functions of a model.
 const MOST: usize = 5;
 /// Passes of exchanges.
 const PASSES: usize = 3;
-/// Least fall of the cost ½ Σ r² of left-out frames by a function given all others, and the same per sample …
+/// Least fall of the cost ½ Σ r² of left-out clusters by a function given all others, and the same per row …
 const LEAST_GAIN: f64 = 15.0;
-const LEAST_GAIN_PER_SAMPLE: f64 = 0.002;
-/// … and the level of Wilcoxon's test over frames, and the least share of frames that it makes better: the gain of single frames
+const LEAST_GAIN_PER_ROW: f64 = 0.002;
+/// … and the level of Wilcoxon's test over clusters, and the least share of these that it makes better: the gain of single ones
 /// may be large by chance, but not that of most.
 const LEVEL: f64 = 0.01;
 const LEAST_SHARE: f64 = 0.6;
@@ -32,34 +30,44 @@ const WORTH: f64 = 0.02;
 /// Share of its gain that a function of two covariates may lose to one of a single covariate.
 const SIMPLER: f64 = 0.05;
 
-/// A function of some covariates: the groups that describe it.
+/// A function that the residuals depend on, given all others.
 #[derive(Debug, Clone)]
-pub(super) struct Found {
-    pub covariates: BTreeSet<C>,
-    /// Numbers of its groups.
+pub struct Found {
+    /// What it depends on.
+    pub covariates: BTreeSet<usize>,
+    /// Numbers of the groups that describe it.
     pub groups: Vec<usize>,
+    /// Share of the squared residuals of left-out clusters that it explains, given all others.
+    pub share: f64,
 }
 
 /// The model of a search.
 struct Search<'a> {
-    observations: &'a Observations,
-    dictionary: &'a Dictionary,
+    model: &'a Additive<'a>,
     blocks: &'a Blocks,
-    samples: usize,
+    rows: usize,
 }
 
-/// The functions that the residuals depend on, each certain given all others.
-pub(super) fn components(observations: &Observations, dictionary: &Dictionary, blocks: &Blocks) -> Vec<Found> {
-    let samples = observations.samples().count();
-    let search = Search { observations, dictionary, blocks, samples };
+/// The functions that the residuals depend on, each certain given all others: most of the clusters, left out in blocks, become
+/// better with it. Empty where there are none, or fewer than three blocks of clusters.
+pub fn search(model: &Additive<'_>) -> Vec<Found> {
+    let Some(blocks) = Blocks::of(model) else { return Vec::new() };
+    let search = Search { model, blocks: &blocks, rows: model.rows() };
     let mut functions: Vec<Found> = Vec::new();
     for group in search.members() {
-        let covariates = dictionary.covariates(&dictionary.groups[group]);
-        match functions.iter_mut().find(|other| other.covariates == covariates) {
+        let covariates = &model.groups[group].covariates;
+        match functions.iter_mut().find(|other| other.covariates == *covariates) {
             Some(other) => other.groups.push(group),
-            None => functions.push(Found { covariates, groups: vec![group] }),
+            None => functions.push(Found { covariates: covariates.clone(), groups: vec![group], share: 0.0 }),
         }
     }
+    let gain_without = |place: Option<usize>| {
+        let others = functions.iter().enumerate().filter(|(other, _)| Some(*other) != place);
+        blocks.gain(&others.flat_map(|(_, function)| function.groups.clone()).collect::<Vec<_>>())
+    };
+    let (cost, whole) = (model.cost(), gain_without(None));
+    let shares: Vec<f64> = (0..functions.len()).map(|place| (whole - gain_without(Some(place))) / cost).collect();
+    functions.iter_mut().zip(shares).for_each(|(function, share)| function.share = share);
     functions
 }
 
@@ -81,7 +89,7 @@ impl Search<'_> {
 
     /// The members, with those of two covariates replaced by the best of one of these that explains as much.
     fn simplified(&self, mut members: Vec<usize>) -> Vec<usize> {
-        let covariates = |group: usize| self.dictionary.covariates(&self.dictionary.groups[group]);
+        let covariates = |group: usize| &self.model.groups[group].covariates;
         for place in 0..members.len() {
             let of_member = covariates(members[place]);
             if of_member.len() < 2 {
@@ -89,12 +97,12 @@ impl Search<'_> {
             }
             let mut others = members.clone();
             others.remove(place);
-            let [whole, without] = [&members, &others].map(|groups| self.blocks.gain(self.dictionary, groups));
+            let [whole, without] = [&members, &others].map(|groups| self.blocks.gain(groups));
             let simpler = self.blocks.tested.par_iter().copied().filter(|group| {
                 let of_group = covariates(*group);
-                of_group.len() == 1 && of_group.is_subset(&of_member) && !others.contains(group)
+                of_group.len() == 1 && of_group.is_subset(of_member) && !others.contains(group)
             });
-            let gain = |group: usize| (group, self.blocks.gain(self.dictionary, &[&others[..], &[group]].concat()));
+            let gain = |group: usize| (group, self.blocks.gain(&[&others[..], &[group]].concat()));
             if let Some((group, gain)) = simpler.map(gain).max_by(|a, b| a.1.total_cmp(&b.1))
                 && whole - gain <= SIMPLER * (whole - without)
             {
@@ -112,7 +120,7 @@ impl Search<'_> {
         let with = |place: usize| {
             let gain = |second: &usize| {
                 let pair = vec![tested[place], *second];
-                let gain = self.blocks.gain(self.dictionary, &pair);
+                let gain = self.blocks.gain(&pair);
                 (pair, gain)
             };
             tested[place + 1..].iter().map(gain).max_by(|a, b| a.1.total_cmp(&b.1))
@@ -136,7 +144,7 @@ impl Search<'_> {
 
     /// The groups with which the model of some members gains most, the best first.
     fn additions(&self, members: &[usize]) -> Vec<(usize, f64)> {
-        let gain = |group: usize| (group, self.blocks.gain(self.dictionary, &[members, &[group]].concat()));
+        let gain = |group: usize| (group, self.blocks.gain(&[members, &[group]].concat()));
         let others = self.blocks.tested.par_iter().copied().filter(|group| !members.contains(group));
         let mut additions: Vec<(usize, f64)> = others.map(gain).collect();
         additions.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -145,7 +153,7 @@ impl Search<'_> {
 
     /// The members, each exchanged against all other groups as long as that gains.
     fn exchanged(&self, mut members: Vec<usize>) -> Vec<usize> {
-        let mut gain = self.blocks.gain(self.dictionary, &members);
+        let mut gain = self.blocks.gain(&members);
         for _ in 0..PASSES {
             let before = members.clone();
             for place in 0..members.len() {
@@ -166,19 +174,18 @@ impl Search<'_> {
 
     /// Whether every member is certain given all others.
     fn are_certain(&self, members: &[usize]) -> bool {
-        let whole = self.frame_gains(members);
+        let whole = self.gains(members);
         members.iter().all(|member| {
             let others: Vec<usize> = members.iter().copied().filter(|other| other != member).collect();
-            let without = self.frame_gains(&others);
+            let without = self.gains(&others);
             let [in_blocks, interleaved] = [0, 1].map(|how| -> Vec<f64> {
                 whole[how].iter().zip(&without[how]).map(|(with, without)| with - without).collect()
             });
-            // A block of consecutive frames is an extrapolation of a function of time: there it must not lose.
-            let is_of_time = self.is_of_time(*member);
-            let gains = if is_of_time { &interleaved } else { &in_blocks };
-            let is_certain = is_certain(gains, self.samples) && in_blocks.iter().sum::<f64>() > 0.0;
+            // A block of consecutive clusters is an extrapolation of a function of time: there it must not lose.
+            let gains = if self.is_sequential(*member) { &interleaved } else { &in_blocks };
+            let is_certain = is_certain(gains, self.rows) && in_blocks.iter().sum::<f64>() > 0.0;
             debug!(
-                "additive: {} given {}: gain {:.1}, p {:.2e}, {:.2} of frames, certain: {is_certain}",
+                "additive: {} given {}: gain {:.1}, p {:.2e}, {:.2} of clusters, certain: {is_certain}",
                 self.words(&[*member]),
                 self.words(&others),
                 gains.iter().sum::<f64>(),
@@ -189,15 +196,14 @@ impl Search<'_> {
         })
     }
 
-    fn is_of_time(&self, group: usize) -> bool {
-        let covariates = self.dictionary.covariates(&self.dictionary.groups[group]);
-        covariates.contains(&C::Time) || covariates.contains(&C::Temperature)
+    fn is_sequential(&self, group: usize) -> bool {
+        !self.model.groups[group].covariates.is_disjoint(&self.model.sequential)
     }
 
-    /// Fall of the cost of every frame with some groups that are estimated without its block of consecutive frames, and without
-    /// as many frames from all over the capture.
-    fn frame_gains(&self, groups: &[usize]) -> [Vec<f64>; 2] {
-        let normals: Vec<Normal> = self.observations.normals_of(|frame| self.dictionary.columns(frame, groups));
+    /// Fall of the cost of every cluster with some groups that are estimated without its block of consecutive ones, and without
+    /// as many from everywhere.
+    fn gains(&self, groups: &[usize]) -> [Vec<f64>; 2] {
+        let normals: Vec<Normal> = self.model.normals(groups);
         let count = normals.len();
         if groups.is_empty() {
             return [vec![0.0; count], vec![0.0; count]];
@@ -205,28 +211,19 @@ impl Search<'_> {
         let penalty = block_diagonal(groups.iter().map(|g| &self.blocks.penalties[*g]));
         let gains = |part: &dyn Fn(usize) -> usize| {
             let parts: Vec<usize> = (0..count).map(part).collect();
-            left_out_gains(&normals, self.observations.shared, &penalty, &parts, blocks_of(count))
+            left_out_gains(&normals, self.model.shared(), &penalty, &parts, blocks_of(count))
         };
-        [gains(&|frame| block_of(frame, count)), gains(&|frame| frame % blocks_of(count))]
+        [gains(&|cluster| block_of(cluster, count)), gains(&|cluster| cluster % blocks_of(count))]
     }
 
     fn words(&self, groups: &[usize]) -> String {
-        let word = |group: &usize| {
-            let group = &self.dictionary.groups[*group];
-            let covariates = self.dictionary.covariates(group);
-            let pair = || covariates.iter().map(|c| c.name()).collect::<Vec<_>>().join(", ");
-            let single = group.smooth.map_or("1", |i| self.dictionary.smooth[i].covariate.name());
-            let smooth = if group.pair.is_some() { pair() } else { single.to_owned() };
-            let factor = group.factor.map_or(String::new(), |f| format!("·{}", self.dictionary.factors[f].0.name()));
-            format!("s({smooth}){factor} {} {}", group.of.name(), group.on.name())
-        };
-        groups.iter().map(word).collect::<Vec<_>>().join(" + ")
+        groups.iter().map(|group| self.model.groups[*group].words.as_str()).collect::<Vec<_>>().join(" + ")
     }
 }
 
-/// Whether gains of frames, from so many samples, are more than chance and more than next to nothing.
-fn is_certain(gains: &[f64], samples: usize) -> bool {
-    gains.iter().sum::<f64>() >= LEAST_GAIN.max(LEAST_GAIN_PER_SAMPLE * samples as f64)
+/// Whether gains of clusters, from so many rows, are more than chance and more than next to nothing.
+fn is_certain(gains: &[f64], rows: usize) -> bool {
+    gains.iter().sum::<f64>() >= LEAST_GAIN.max(LEAST_GAIN_PER_ROW * rows as f64)
         && signed_rank_p_value(gains) < LEVEL
         && share_above_zero(gains) >= LEAST_SHARE
 }
