@@ -108,10 +108,8 @@ impl Linearization {
     ) -> Result<Self, ScoreError> {
         let structure = Structure::of(graph, values, clusters, candidates)?;
         let total = structure.reduced();
-        let reduced: Result<Vec<Cluster>, ScoreError> = (0..=clusters.len())
-            .into_par_iter()
-            .map(|cluster| structure.accumulate(graph, values, cluster))
-            .collect();
+        let reduced: Result<Vec<Cluster>, ScoreError> =
+            (0..=clusters.len()).into_par_iter().map(|cluster| structure.accumulate(graph, values, cluster)).collect();
         let Structure { shared, candidates: columns, .. } = structure;
         let mut clusters = reduced?;
         let common = clusters.pop().unwrap_or_else(|| Cluster::empty(total));

@@ -314,4 +314,3 @@ fn weight_rows(loss: &Loss, dim: usize, width: usize, r: &mut [f64], j: &mut [f6
         residual.iter_mut().chain(rows).for_each(|x| *x *= weight);
     }
 }
-

@@ -1,13 +1,16 @@
 //! Formulas that describe functions without a name: splines of their covariates, as fine and as smooth as predicts left-out
 //! frames best.
 
+use std::collections::BTreeSet;
+
+use depthcal_formula::FormulaCovariate as C;
 use depthcal_io::DiagnosisPlace;
 use depthcal_solver::additive::{Found, Strengths};
 use tracing::debug;
 
 use super::super::discovered::Discovery;
 use super::super::observations::Observations;
-use super::dictionary::{Dictionary, Function, covariates_of};
+use super::dictionary::{Dictionary, Function};
 use super::spline_formula::{Part, formula};
 
 /// Multiples of the usual number of basis functions that are compared.
@@ -34,7 +37,8 @@ pub(super) fn descriptions(
         }
     }
     let Some((number, strengths)) = best else { return Vec::new() };
-    let functions = &dictionaries[number].functions;
+    let dictionary = &dictionaries[number];
+    let functions = &dictionary.functions;
     let mut taken = taken.to_vec();
     let description = |(place, function): (usize, &Found)| {
         let precisions = strengths.precisions(place);
@@ -44,15 +48,20 @@ pub(super) fn descriptions(
             rms: rms(observations, &functions[*number]),
         };
         let parts: Vec<Part<'_>> = function.groups.iter().zip(precisions).map(part).collect();
-        let description = described(function, &parts, &taken, functions.len())?;
+        let description = described(&dictionary.covariates_of(&function.covariates), &parts, &taken, functions.len())?;
         taken.push(description.effect.name().to_owned());
         Ok(description)
     };
     found.iter().enumerate().map(description).collect()
 }
 
-fn described(found: &Found, parts: &[Part<'_>], taken: &[String], terms: usize) -> Result<Discovery, String> {
-    let covariates = covariates_of(&found.covariates);
+/// `terms` is the number of functions of the dictionary.
+fn described(
+    covariates: &BTreeSet<C>,
+    parts: &[Part<'_>],
+    taken: &[String],
+    terms: usize,
+) -> Result<Discovery, String> {
     let Function { of, on, .. } = parts[0].function;
     Ok(Discovery {
         covariates: covariates.iter().map(|c| c.name().to_owned()).collect(),
@@ -69,7 +78,7 @@ fn described(found: &Found, parts: &[Part<'_>], taken: &[String], terms: usize) 
         terms,
         replaced: Vec::new(),
         components: Vec::new(),
-        effect: formula(&covariates, parts, taken)?,
+        effect: formula(covariates, parts, taken)?,
     })
 }
 

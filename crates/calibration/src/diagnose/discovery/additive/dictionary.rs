@@ -55,6 +55,8 @@ pub(super) struct Function {
 /// All functions, in the order of the groups of their [`Additive`] model.
 #[derive(Debug)]
 pub(super) struct Dictionary {
+    /// Covariates by the numbers that they have in the model.
+    covariates: Vec<C>,
     /// Covariates in their places; functions of two have splines of their own.
     smooth: Vec<Smooth>,
     /// Factors with their means, which are subtracted.
@@ -65,16 +67,6 @@ pub(super) struct Dictionary {
 /// Amplitudes spread over decades.
 fn scaled(covariate: C, value: f64) -> f64 {
     if covariate == C::Amplitude { value.ln() } else { value }
-}
-
-/// The number of a covariate in an additive model.
-fn number(covariate: C) -> usize {
-    COVARIATES.iter().position(|(other, _)| *other == covariate).unwrap_or(COVARIATES.len())
-}
-
-/// The covariates of these numbers.
-pub(super) fn covariates_of(numbers: &BTreeSet<usize>) -> BTreeSet<C> {
-    numbers.iter().map(|number| COVARIATES[*number].0).collect()
 }
 
 impl Smooth {
@@ -137,7 +129,8 @@ impl Dictionary {
         };
         let varies = |c: &&C| observations.span(**c, Of::True).is_some();
         let factors: Vec<(C, f64)> = FACTORS.iter().filter(varies).map(|c| (*c, mean(*c))).collect();
-        let mut dictionary = Self { smooth, factors, functions: Vec::new() };
+        let covariates = COVARIATES.iter().map(|(covariate, _)| *covariate).collect();
+        let mut dictionary = Self { covariates, smooth, factors, functions: Vec::new() };
         dictionary.add_functions();
         dictionary.add_pairs(((OF_PAIRS - CUBIC) * finer + CUBIC).min(MOST_OF_PAIRS));
         dictionary
@@ -147,16 +140,25 @@ impl Dictionary {
     pub fn searched(&self) -> DiagnosisSearched {
         let name = |covariate: &C| covariate.name().to_owned();
         let has = |covariate: &C| self.smooth.iter().any(|smooth| smooth.covariate == *covariate);
-        let (functions_of, unknown): (Vec<C>, Vec<C>) =
-            COVARIATES.iter().map(|(covariate, _)| *covariate).partition(has);
+        let (functions_of, unknown): (Vec<C>, Vec<C>) = self.covariates.iter().copied().partition(has);
         let mut pairs: Vec<&[C; 2]> = PAIRS.iter().filter(|pair| pair.iter().all(has)).collect();
-        pairs.sort_by_key(|pair| pair.map(number));
+        pairs.sort_by_key(|pair| pair.map(|covariate| self.number(covariate)));
         DiagnosisSearched {
             functions_of: functions_of.iter().map(name).collect(),
             times: self.factors.iter().map(|(covariate, _)| name(covariate)).collect(),
             functions_of_pairs: pairs.iter().map(|pair| [name(&pair[0]), name(&pair[1])]).collect(),
             unknown: unknown.iter().map(name).collect(),
         }
+    }
+
+    /// The number of a covariate in the model.
+    fn number(&self, covariate: C) -> usize {
+        self.covariates.iter().position(|other| *other == covariate).unwrap_or(self.covariates.len())
+    }
+
+    /// The covariates of these numbers.
+    pub fn covariates_of(&self, numbers: &BTreeSet<usize>) -> BTreeSet<C> {
+        numbers.iter().filter_map(|number| self.covariates.get(*number).copied()).collect()
     }
 
     /// Forms differ by powers of depth: a function of depth has them all.
@@ -213,14 +215,14 @@ impl Dictionary {
         let group = |function: &Function| Group {
             axes: function.splines.iter().map(|spline| (column(spline), spline.axis)).collect(),
             weight: self.weight(function.factor.map(|(c, _)| c), function.of, function.on),
-            covariates: function.covariates().into_iter().map(number).collect(),
+            covariates: function.covariates().into_iter().map(|covariate| self.number(covariate)).collect(),
             words: function.words(),
         };
         let cluster = |frame: &'a FrameRows| Cluster { rows: &frame.rows, table: self.table(frame) };
         Additive {
             clusters: observations.frames.iter().map(cluster).collect(),
             groups: self.functions.iter().map(group).collect(),
-            sequential: SEQUENTIAL.into_iter().map(number).collect(),
+            sequential: SEQUENTIAL.into_iter().map(|covariate| self.number(covariate)).collect(),
         }
     }
 

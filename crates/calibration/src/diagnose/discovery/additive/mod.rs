@@ -17,7 +17,7 @@ use depthcal_solver::additive::{Found, search};
 use tracing::info;
 
 use self::description::descriptions;
-use self::dictionary::{Dictionary, covariates_of};
+use self::dictionary::Dictionary;
 use super::discovered::Discovery;
 use super::observations::Observations;
 use crate::calibrate::CalibratedCamera;
@@ -70,13 +70,14 @@ pub fn searched(fit: &CalibratedCamera) -> Option<DiagnosisSearched> {
 
 /// The functions that residuals depend on, described by formulas.
 fn described(observations: &Observations, taken: &[String]) -> Vec<Component> {
-    let found = search(&Dictionary::of(observations, 1).model(observations));
+    let dictionary = Dictionary::of(observations, 1);
+    let found = search(&dictionary.model(observations));
     if found.is_empty() {
         return Vec::new();
     }
     let mut components = Vec::new();
     for (Found { covariates, share, .. }, description) in found.iter().zip(descriptions(observations, &found, taken)) {
-        let names: Vec<&str> = covariates_of(covariates).iter().map(|c| c.name()).collect();
+        let names: Vec<&str> = dictionary.covariates_of(covariates).iter().map(|c| c.name()).collect();
         match description {
             Ok(description) => {
                 info!("additive: {}, {share:.3} of the residuals: {}", names.join(", "), description.effect.text());
