@@ -311,22 +311,11 @@ impl Corrector {
         Ok(())
     }
 
-    /// [`Corrector::points`] of corrected depth in mm, the output of [`Corrector::correct_f32`].
+    /// [`Corrector::points_into`] of corrected depth in mm, the output of [`Corrector::correct_f32`].
     ///
     /// # Errors
     ///
-    /// [`CorrectorError::Length`] where `corrected_mm` does not have one value per pixel.
-    pub fn points_f32(&self, corrected_mm: &[f32]) -> Result<Vec<[f32; 3]>, CorrectorError> {
-        let mut points = vec![[f32::NAN; 3]; self.prepared.pixels()];
-        self.points_f32_into(corrected_mm, PointsMut::Interleaved(points.as_flattened_mut()))?;
-        Ok(points)
-    }
-
-    /// [`Corrector::points_f32`] into a given buffer.
-    ///
-    /// # Errors
-    ///
-    /// As [`Corrector::points_f32`], and [`CorrectorError::Length`] for `out`.
+    /// [`CorrectorError::Length`] where `corrected_mm` does not have one value per pixel, or `out` not one point.
     pub fn points_f32_into(&self, corrected_mm: &[f32], out: PointsMut<'_>) -> Result<(), CorrectorError> {
         self.check_length("the depth", corrected_mm.len())?;
         self.check_points(&out)?;

@@ -35,7 +35,7 @@ pub use image::{
     read_rgb, write_depth, write_depth_frame, write_gray, write_rgb,
 };
 pub use pcd::write_pcd;
-pub use ply::{Cloud, PlyFormat, write_ply};
+pub use ply::{Cloud, write_ply};
 pub use record::{
     BeforeAfter, Calibration, CameraDiagnosis, CameraDifference, CameraRecord, ClearestDifference, ComparedLens,
     Comparison, CovarianceRecord, DatasetEvaluation, DeclaredValue, DepthDifference, DepthSample, DiagnosedCamera,

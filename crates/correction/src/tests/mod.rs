@@ -245,7 +245,8 @@ fn points_lie_on_the_true_rays() {
             assert!((seen[0] - expected[0]).hypot(seen[1] - expected[1]) < 1e-4);
         }
         let millimetres: Vec<f32> = corrected.data.iter().map(|z| f32::from(*z) * 0.5).collect();
-        let again = corrector.points_f32(&millimetres).unwrap();
+        let mut again = vec![[0.0; 3]; points.len()];
+        corrector.points_f32_into(&millimetres, PointsMut::Interleaved(again.as_flattened_mut())).unwrap();
         assert!(again.iter().zip(&points).all(|(a, b)| a.map(f32::to_bits) == b.map(f32::to_bits)));
     }
 }

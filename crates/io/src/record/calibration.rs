@@ -4,7 +4,6 @@ use std::io;
 use std::path::Path;
 
 use depthcal_model::Target;
-use depthcal_model::hook::HookKind;
 use serde::{Deserialize, Serialize};
 
 use super::board::check_board;
@@ -152,11 +151,6 @@ impl Calibration {
     /// The piece called `name`.
     pub fn piece(&self, name: &str) -> Option<&PieceRecord> {
         self.camera.piece(name)
-    }
-
-    /// The pieces that act at `hook`, in chain order.
-    pub fn pieces_at(&self, hook: HookKind) -> impl Iterator<Item = &PieceRecord> {
-        self.camera.pieces.iter().filter(move |piece| piece.hook == hook)
     }
 
     /// Value of a parameter of the piece called `piece`.
