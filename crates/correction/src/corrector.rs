@@ -105,22 +105,7 @@ impl Corrector {
         Ok(pass::correct(&self.prepared, Input::U16(depth), unit_mm, context, Output::U16(out)))
     }
 
-    /// [`Corrector::correct_u16`] in place.
-    ///
-    /// # Errors
-    ///
-    /// As [`Corrector::correct_u16`].
-    pub fn correct_u16_in_place(
-        &self,
-        depth: &mut DepthImage,
-        unit_mm: f64,
-        context: &FrameContext<'_>,
-    ) -> Result<CorrectionSummary, CorrectorError> {
-        self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
-        self.correct_u16_buffer_in_place(&mut depth.data, unit_mm, context)
-    }
-
-    /// [`Corrector::correct_u16_in_place`] of a raw buffer: row-major, one value per pixel.
+    /// [`Corrector::correct_u16_buffer`] in place.
     ///
     /// # Errors
     ///

@@ -340,7 +340,7 @@ fn every_model_has_tables_that_agree_with_the_camera() {
         }
         let mut steps = image(depths(400.0, 3500.0).map(|z| z as u16).collect());
         let before = steps.clone();
-        corrector.correct_u16_in_place(&mut steps, 1.0, &context).unwrap();
+        corrector.correct_u16_buffer_in_place(&mut steps.data, 1.0, &context).unwrap();
         let breathes = names.contains(&"focus_breathing");
         for index in (0..measured.len()).step_by(3) {
             let expected = reference(&camera, &context, index, f64::from(before.data[index]));
