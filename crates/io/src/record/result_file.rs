@@ -8,8 +8,8 @@ macro_rules! result_file {
             #[doc = concat!("Reads `", $name, "`.")]
             ///
             /// # Errors
-            /// [`FileError`](crate::FileError) with file and field: another format or version, a missing field, a number out of its
-            /// range.
+            /// [`FileError`](crate::FileError) with file and field: another format or version, a missing field, a number out of
+            /// its range.
             pub fn read(path: impl AsRef<std::path::Path>) -> Result<Self, crate::FileError> {
                 $read(path.as_ref())
             }
@@ -17,8 +17,8 @@ macro_rules! result_file {
             #[doc = concat!("Writes `", $name, "` atomically; every number reads back with the same bits.")]
             ///
             /// # Errors
-            /// [`FileError`](crate::FileError) with the field that is not finite or out of its range, or with the file; nothing is
-            /// written.
+            /// [`FileError`](crate::FileError) with the field that is not finite or out of its range, or with the file; nothing
+            /// is written.
             pub fn write(&self, path: impl AsRef<std::path::Path>) -> Result<(), crate::FileError> {
                 $write(path.as_ref(), self)
             }
