@@ -75,9 +75,11 @@ impl Arguments {
         parser
     }
 
-    /// The arguments of the process.
-    pub(super) fn of_process() -> Result<Self, clap::Error> {
-        Self::from_arg_matches(&Self::parser().try_get_matches()?)
+    /// The arguments of the process, and the name of the command.
+    pub(super) fn of_process() -> Result<(Self, String), clap::Error> {
+        let matches = Self::parser().try_get_matches()?;
+        let name = matches.subcommand_name().unwrap_or_default().to_owned();
+        Ok((Self::from_arg_matches(&matches)?, name))
     }
 }
 
@@ -132,34 +134,6 @@ pub(super) enum Command {
 }
 
 impl Command {
-    /// Its name on the command line.
-    pub(super) fn name(&self) -> &'static str {
-        match self {
-            Command::Detect(_) => "detect",
-            Command::Calibrate(_) => "calibrate",
-            Command::Diagnose(_) => "diagnose",
-            Command::Evaluate(_) => "evaluate",
-            Command::Compare(_) => "compare",
-            Command::Next(_) => "next",
-            Command::Select(_) => "select",
-            #[cfg(feature = "live")]
-            Command::Live(_) => "live",
-            Command::Diff(_) => "diff",
-            Command::Fleet(_) => "fleet",
-            Command::Apply(_) => "apply",
-            Command::Export(_) => "export",
-            Command::Board(_) => "board",
-            #[cfg(feature = "import")]
-            Command::Import(_) => "import",
-            Command::Schema(_) => "schema",
-            Command::Simulate(_) => "simulate",
-            Command::Formula(_) => "formula",
-            Command::Demo(_) => "demo",
-            Command::Completions(_) => "completions",
-            Command::Man(_) => "man",
-        }
-    }
-
     /// The folder of its results, of those that replace earlier results in it.
     pub(super) fn results(&self) -> Option<&Path> {
         let output = match self {

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use depthcal_formula::resolve;
 use depthcal_io::{Calibration, LensComparison, Prior};
 use depthcal_model::Register;
 use serde_json::{Value, json};
 
 use super::common::{Output, Reading, camera_count, frames_of, made, print_not_evaluated, value_of};
 use super::failure::{Failure, input};
-use super::formula_files;
 use super::model_options::ModelOptions;
 use super::parameters::print_cameras;
 use super::recording::Recording;
@@ -119,7 +119,7 @@ impl Calibrate {
     /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
         self.model.load_formulas(register)?;
-        self.score = formula_files::resolve("--score", &self.score, register)?;
+        self.score = resolve("--score", &self.score, register)?;
         Ok(())
     }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use depthcal_formula::{FormulaEffect, FormulaFile};
 use depthcal_io::{Calibration, Dataset, DatasetCamera, Pairing};
 use depthcal_model::{Camera, Register};
 
@@ -137,6 +138,14 @@ pub(super) fn camera_count(path: &Path, check: impl FnOnce(usize) -> Result<(), 
     cameras.map_err(input)
 }
 
+/// Refuses a value of an option that is not above 0; `give` says what to give instead.
+pub(super) fn above_zero(option: &str, value: Option<f64>, give: &str) -> Result<(), Failure> {
+    match value.filter(|value| !(value.is_finite() && *value > 0.0)) {
+        Some(value) => Err(Failure::Input(format!("{option} is {value}: give {give}"))),
+        None => Ok(()),
+    }
+}
+
 /// How the results of a run are made, up to now.
 pub(super) fn made(session: &Session) -> Made {
     Made { command_line: command_line(), stages: session.progress.stage_times() }
@@ -159,6 +168,11 @@ pub(super) fn read_calibration(path: &Path, register: &Register) -> Result<(Cali
     let camera = camera_from_record(&calibration.camera, register)
         .map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
     Ok((calibration, camera))
+}
+
+/// The effects of a file of formulas.
+pub(super) fn read_formulas(path: &Path) -> Result<Vec<FormulaEffect>, Failure> {
+    Ok(FormulaFile::read(path).map_err(input)?.effects().to_vec())
 }
 
 /// The cameras of the calibration that was read from a file.

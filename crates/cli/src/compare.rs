@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use depthcal_formula::{resolve, resolve_lens, resolve_model};
 use depthcal_model::Register;
 use serde_json::{Value, json};
 
 use super::common::{Output, Reading, frames_of, made, value_of};
 use super::failure::Failure;
-use super::formula_files;
 use super::results::save;
 use super::session::Session;
 use super::voice::say;
@@ -71,10 +71,10 @@ impl Compare {
     /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
         for model in &mut self.models {
-            *model = formula_files::resolve_model("--models", model, register)?;
+            *model = resolve_model("--models", model, register)?;
         }
-        self.with = formula_files::resolve("--with", &self.with, register)?;
-        self.lens = formula_files::resolve_lens("--lens", self.lens.as_deref(), register)?;
+        self.with = resolve("--with", &self.with, register)?;
+        self.lens = resolve_lens("--lens", self.lens.as_deref(), register)?;
         Ok(())
     }
 

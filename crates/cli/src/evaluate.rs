@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
+use depthcal_formula::resolve;
 use depthcal_io::Calibration;
 use depthcal_model::Register;
 use serde_json::{Value, json};
 
 use super::common::{Output, Reading, calibration_path, frames_of, made, print_not_evaluated, value_of};
 use super::failure::{Failure, input};
-use super::formula_files;
 use super::recording::Recording;
 use super::results::save;
 use super::session::Session;
@@ -54,7 +54,7 @@ pub(super) struct Evaluate {
 impl Evaluate {
     /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
-        self.with = formula_files::resolve("--with", &self.with, register)?;
+        self.with = resolve("--with", &self.with, register)?;
         Ok(())
     }
 

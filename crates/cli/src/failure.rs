@@ -4,6 +4,7 @@ use std::fmt::Display;
 
 use depthcal_calibration::calibrate::CalibrateError;
 use depthcal_calibration::task::TaskError;
+use depthcal_formula::NamedFileError;
 
 /// Why a command fails, by exit code.
 #[derive(Debug)]
@@ -28,5 +29,11 @@ impl From<CalibrateError> for Failure {
 impl From<TaskError> for Failure {
     fn from(error: TaskError) -> Self {
         if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
+    }
+}
+
+impl From<NamedFileError> for Failure {
+    fn from(error: NamedFileError) -> Self {
+        input(error)
     }
 }

@@ -11,8 +11,8 @@ use depthcal_report::format::number;
 use depthcal_report::formula_plot;
 use serde_json::{Value, json};
 
+use super::common::read_formulas;
 use super::failure::{Failure, input};
-use super::formula_files;
 use super::voice::{self, say};
 
 /// Checks a file of formulas and shows its effects: equations, covariates, parameters with units.
@@ -46,7 +46,7 @@ pub(super) struct Formula {
 
 impl Formula {
     pub(super) fn run(&self) -> Result<Value, Failure> {
-        let mut effects = formula_files::read(&self.file)?;
+        let mut effects = read_formulas(&self.file)?;
         if let Some(name) = &self.effect {
             let known: Vec<String> = effects.iter().map(|effect| effect.name().to_owned()).collect();
             effects.retain(|effect| effect.name() == name);

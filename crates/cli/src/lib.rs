@@ -40,7 +40,6 @@ mod export;
 mod failure;
 mod fleet;
 mod formula;
-mod formula_files;
 mod goal_options;
 #[cfg(feature = "import")]
 mod import;

@@ -11,7 +11,7 @@ use depthcal_report::format::count;
 use serde_json::{Value, json};
 
 use super::board_file::read_board;
-use super::common::made;
+use super::common::{above_zero, made};
 use super::failure::{Failure, input};
 use super::goal_options::GoalOptions;
 use super::model_options::ModelOptions;
@@ -68,13 +68,8 @@ pub(super) struct Live {
 
 impl Live {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        let positive = |name: &str, value: Option<f64>| match value.filter(|value| !(value.is_finite() && *value > 0.0))
-        {
-            Some(value) => Err(Failure::Input(format!("{name} is {value}: give a number above 0, such as 1"))),
-            None => Ok(()),
-        };
-        positive("--within", self.within)?;
-        positive("--unit-mm", self.unit_mm)?;
+        above_zero("--within", self.within, "a number above 0, such as 1")?;
+        above_zero("--unit-mm", self.unit_mm, "a number above 0, such as 1")?;
         let request = self.model.request();
         request.check(1, &session.register)?;
         let options = LiveOptions {

@@ -4,10 +4,10 @@ use clap::Args;
 use depthcal_calibration::calibrate::Estimator;
 use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::task::{FitRequest, ModelRequest, OptionNames};
+use depthcal_formula::{resolve, resolve_lens, resolve_model};
 use depthcal_model::Register;
 
 use super::failure::Failure;
-use super::formula_files;
 
 /// Options of the model.
 #[derive(Debug, Args)]
@@ -32,9 +32,9 @@ pub(super) struct ModelOptions {
 impl ModelOptions {
     /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
-        self.model = formula_files::resolve_model("--model", &self.model, register)?;
-        self.with = formula_files::resolve("--with", &self.with, register)?;
-        self.lens = formula_files::resolve_lens("--lens", self.lens.as_deref(), register)?;
+        self.model = resolve_model("--model", &self.model, register)?;
+        self.with = resolve("--with", &self.with, register)?;
+        self.lens = resolve_lens("--lens", self.lens.as_deref(), register)?;
         Ok(())
     }
 

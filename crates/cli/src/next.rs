@@ -10,7 +10,7 @@ use depthcal_report::format::{count, quantity};
 use depthcal_report::{board_views, goal_words, next_value};
 use serde_json::Value;
 
-use super::common::{Reading, camera_count};
+use super::common::{Reading, above_zero, camera_count};
 use super::failure::{Failure, input};
 use super::goal_options::GoalOptions;
 use super::model_options::ModelOptions;
@@ -55,9 +55,7 @@ pub(super) struct Next {
 
 impl Next {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        if let Some(within) = self.within.filter(|within| !(within.is_finite() && *within > 0.0)) {
-            return Err(Failure::Input(format!("--within is {within}: give an error above 0, such as 1")));
-        }
+        above_zero("--within", self.within, "an error above 0, such as 1")?;
         let request = self.model.request();
         camera_count(&self.dataset, |cameras| request.check(cameras, &session.register))?;
         let loaded = self.reading.load(&self.dataset, session)?;

@@ -17,7 +17,7 @@ use super::voice;
 /// Runs the program: parses the arguments of the process, runs the command with the pieces of `register`, writes messages and
 /// results, and returns the exit code: 0 done, 1 invalid input or arguments, 2 a fit that cannot be trusted.
 pub fn run(mut register: Register) -> ExitCode {
-    let mut arguments = match Arguments::of_process() {
+    let (mut arguments, name) = match Arguments::of_process() {
         Ok(arguments) => arguments,
         Err(error) => {
             voice::usage(&error);
@@ -42,7 +42,6 @@ pub fn run(mut register: Register) -> ExitCode {
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     }
     voice::keep_stdout_for_json(arguments.json);
-    let name = arguments.command.name();
     let loaded = arguments.command.load_formulas(&mut register);
     let session = Session::new(register);
     let (code, mut value) = match loaded.and_then(|()| arguments.command.run(&session)) {

@@ -17,9 +17,8 @@ use depthcal_simulate::{
 
 use serde_json::{Value, json};
 
-use super::common::Output;
+use super::common::{Output, read_formulas};
 use super::failure::{Failure, input};
-use super::formula_files;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_report::format::count;
@@ -107,7 +106,7 @@ impl Simulate {
         let simulation = Simulation::new(camera, kind, &effects, self.seed);
         let mut given = Vec::new();
         for path in &self.with {
-            for effect in formula_files::read(path)? {
+            for effect in read_formulas(path)? {
                 given.push(
                     given_effect(&effect).map_err(|e| Failure::Input(format!("--with {}: {e}", path.display())))?,
                 );

@@ -105,22 +105,7 @@ impl Corrector {
         Ok(pass::correct(&self.prepared, Input::U16(depth), unit_mm, context, Output::U16(out)))
     }
 
-    /// [`Corrector::correct_u16`] in place.
-    ///
-    /// # Errors
-    ///
-    /// As [`Corrector::correct_u16`].
-    pub fn correct_u16_in_place(
-        &self,
-        depth: &mut DepthImage,
-        unit_mm: f64,
-        context: &FrameContext<'_>,
-    ) -> Result<CorrectionSummary, CorrectorError> {
-        self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
-        self.correct_u16_buffer_in_place(&mut depth.data, unit_mm, context)
-    }
-
-    /// [`Corrector::correct_u16_in_place`] of a raw buffer: row-major, one value per pixel.
+    /// [`Corrector::correct_u16_buffer`] in place.
     ///
     /// # Errors
     ///
@@ -311,22 +296,11 @@ impl Corrector {
         Ok(())
     }
 
-    /// [`Corrector::points`] of corrected depth in mm, the output of [`Corrector::correct_f32`].
+    /// [`Corrector::points_into`] of corrected depth in mm, the output of [`Corrector::correct_f32`].
     ///
     /// # Errors
     ///
-    /// [`CorrectorError::Length`] where `corrected_mm` does not have one value per pixel.
-    pub fn points_f32(&self, corrected_mm: &[f32]) -> Result<Vec<[f32; 3]>, CorrectorError> {
-        let mut points = vec![[f32::NAN; 3]; self.prepared.pixels()];
-        self.points_f32_into(corrected_mm, PointsMut::Interleaved(points.as_flattened_mut()))?;
-        Ok(points)
-    }
-
-    /// [`Corrector::points_f32`] into a given buffer.
-    ///
-    /// # Errors
-    ///
-    /// As [`Corrector::points_f32`], and [`CorrectorError::Length`] for `out`.
+    /// [`CorrectorError::Length`] where `corrected_mm` does not have one value per pixel, or `out` not one point.
     pub fn points_f32_into(&self, corrected_mm: &[f32], out: PointsMut<'_>) -> Result<(), CorrectorError> {
         self.check_length("the depth", corrected_mm.len())?;
         self.check_points(&out)?;

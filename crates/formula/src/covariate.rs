@@ -58,25 +58,30 @@ impl FormulaCovariate {
         Self::BoardY,
     ];
 
+    /// Its name in formulas, its name in sentences, and its symbol.
+    const fn words_and_symbol(self) -> (&'static str, &'static str, (&'static str, &'static str)) {
+        match self {
+            Self::X => ("x", "direction x of the ray", ("x", "")),
+            Self::Y => ("y", "direction y of the ray", ("y", "")),
+            Self::R => ("r", "distance r from the optical axis", ("r", "")),
+            Self::U => ("u", "column u (px)", ("u", "")),
+            Self::V => ("v", "row v (px)", ("v", "")),
+            Self::Z => ("z", "depth (mm)", ("z", "")),
+            Self::Rho => ("rho", "inverse depth (1/mm)", ("ρ", "")),
+            Self::Range => ("range", "distance from the camera (mm)", ("ℓ", "")),
+            Self::Incidence => ("incidence", "1/cos − 1 of the angle of incidence", ("κ", "")),
+            Self::Amplitude => ("amplitude", "infrared amplitude (steps)", ("A", "")),
+            Self::Surroundings => ("surroundings", "infrared amplitude around the pixel (steps)", ("Ā", "")),
+            Self::Time => ("timestamp_s", "time (s)", ("t", "")),
+            Self::Temperature => ("temperature_c", "temperature (°C)", ("T", "")),
+            Self::BoardX => ("board_x", "x on the board (mm)", ("X", "b")),
+            Self::BoardY => ("board_y", "y on the board (mm)", ("Y", "b")),
+        }
+    }
+
     /// Its name in formulas.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::X => "x",
-            Self::Y => "y",
-            Self::R => "r",
-            Self::U => "u",
-            Self::V => "v",
-            Self::Z => "z",
-            Self::Rho => "rho",
-            Self::Range => "range",
-            Self::Incidence => "incidence",
-            Self::Amplitude => "amplitude",
-            Self::Surroundings => "surroundings",
-            Self::Time => "timestamp_s",
-            Self::Temperature => "temperature_c",
-            Self::BoardX => "board_x",
-            Self::BoardY => "board_y",
-        }
+        self.words_and_symbol().0
     }
 
     /// The covariate of that name.
@@ -86,23 +91,7 @@ impl FormulaCovariate {
 
     /// Its name in sentences, with its unit.
     pub const fn words(self) -> &'static str {
-        match self {
-            Self::X => "direction x of the ray",
-            Self::Y => "direction y of the ray",
-            Self::R => "distance r from the optical axis",
-            Self::U => "column u (px)",
-            Self::V => "row v (px)",
-            Self::Z => "depth (mm)",
-            Self::Rho => "inverse depth (1/mm)",
-            Self::Range => "distance from the camera (mm)",
-            Self::Incidence => "1/cos − 1 of the angle of incidence",
-            Self::Amplitude => "infrared amplitude (steps)",
-            Self::Surroundings => "infrared amplitude around the pixel (steps)",
-            Self::Time => "time (s)",
-            Self::Temperature => "temperature (°C)",
-            Self::BoardX => "x on the board (mm)",
-            Self::BoardY => "y on the board (mm)",
-        }
+        self.words_and_symbol().1
     }
 
     /// Its unit.
@@ -119,23 +108,7 @@ impl FormulaCovariate {
 
     /// Its symbol in print, as a character with an optional index.
     pub(crate) const fn symbol(self) -> (&'static str, &'static str) {
-        match self {
-            Self::X => ("x", ""),
-            Self::Y => ("y", ""),
-            Self::R => ("r", ""),
-            Self::U => ("u", ""),
-            Self::V => ("v", ""),
-            Self::Z => ("z", ""),
-            Self::Rho => ("ρ", ""),
-            Self::Range => ("ℓ", ""),
-            Self::Incidence => ("κ", ""),
-            Self::Amplitude => ("A", ""),
-            Self::Surroundings => ("Ā", ""),
-            Self::Time => ("t", ""),
-            Self::Temperature => ("T", ""),
-            Self::BoardX => ("X", "b"),
-            Self::BoardY => ("Y", "b"),
-        }
+        self.words_and_symbol().2
     }
 
     /// The covariates that a piece at a hook knows.

@@ -35,24 +35,6 @@ pub use image::{
     read_rgb, write_depth, write_depth_frame, write_gray, write_rgb,
 };
 pub use pcd::write_pcd;
-pub use ply::{Cloud, PlyFormat, write_ply};
-pub use record::{
-    BeforeAfter, Calibration, CameraDiagnosis, CameraDifference, CameraRecord, ClearestDifference, ComparedLens,
-    Comparison, CovarianceRecord, DatasetEvaluation, DeclaredValue, DepthDifference, DepthSample, DiagnosedCamera,
-    Diagnosis, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisComponent,
-    DiagnosisComponentBin, DiagnosisCovariate, DiagnosisCovariatePart, DiagnosisDecision, DiagnosisDeclaration,
-    DiagnosisExchange, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane, DiagnosisHeldOut,
-    DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisParameter, DiagnosisPlace, DiagnosisPossible,
-    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
-    DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp, DiagnosisSearched, DiagnosisShared, DiagnosisStep,
-    DiagnosisUnexplainedOutcome, Difference, DifferenceSide, DifferenceSize, DriftOver, DriftRecord, DroppedFrame,
-    Errors, Evaluation, ExtrinsicsDifference, ExtrinsicsRecord, ExtrinsicsStdDev, FileReference, FitRecord, Fleet,
-    FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOutlier, FleetOutlierPart, FleetParameter, FleetReplication,
-    FleetUnit, FleetUnitValue, FrameEvaluation, FrameObservations, FrameRecord, GainInterval, HeldOutErrors, Interval,
-    LearningPoint, LeftOpen, LensComparison, MarkerObservation, MeanStd, ModelComparison, ModelValue, NoiseRecord,
-    Observations, Outliers, ParameterDifference, ParameterRecord, PieceRecord, Prior, PriorUse, ProjectionDifference,
-    RigDriftTest, RigEffect, RigFindings, RigHeldOut, RigLeftOut, Rms, ScoredEffect, ScoredParameter, Scores,
-    Separability, StabilityEstimate, StabilityRecord, TimeOffsetRecord, TransferAtDistance, TransferError,
-    UsedPriorParameter, Verdict, grid_pixel, recommended,
-};
+pub use ply::{Cloud, write_ply};
+pub use record::*;
 pub use schema::SchemaName;

@@ -36,63 +36,36 @@ impl Cloud {
     }
 }
 
-/// Encoding of the numbers of a PLY file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PlyFormat {
-    /// Binary, little-endian: small and exact.
-    Binary,
-    /// Text: readable and exact, about three times as large.
-    Ascii,
-}
-
-/// Writes a cloud as PLY, atomically: one element `vertex` with float properties x, y, z and,
+/// Writes a cloud as binary PLY, little-endian, atomically: one element `vertex` with float properties x, y, z and,
 /// where given, intensity, and uchar properties red, green, blue.
 ///
 /// # Errors
 /// [`FileError::Invalid`] when there are not as many intensities or colours as points, or when a coordinate is not
 /// finite (pixels without depth must be left out of the cloud); [`FileError::Write`].
-pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud, format: PlyFormat) -> Result<(), FileError> {
-    write_ply_file(path.as_ref(), cloud, format)
+pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud) -> Result<(), FileError> {
+    write_ply_file(path.as_ref(), cloud)
 }
 
-fn write_ply_file(path: &Path, cloud: &Cloud, format: PlyFormat) -> Result<(), FileError> {
+fn write_ply_file(path: &Path, cloud: &Cloud) -> Result<(), FileError> {
     cloud.check(path)?;
     let (points, intensity, color) = (&cloud.points, cloud.intensity.as_deref(), cloud.color.as_deref());
 
-    let encoding = match format {
-        PlyFormat::Binary => "binary_little_endian",
-        PlyFormat::Ascii => "ascii",
-    };
     let property = if intensity.is_some() { "property float intensity\n" } else { "" };
     let channels = if color.is_some() { "property uchar red\nproperty uchar green\nproperty uchar blue\n" } else { "" };
     write_atomically(path, |writer| {
         write!(
             writer,
-            "ply\nformat {encoding} 1.0\ncomment depthcal: millimetres, x right, y down, z forward\nelement vertex {}\n\
+            "ply\nformat binary_little_endian 1.0\ncomment depthcal: millimetres, x right, y down, z forward\nelement vertex {}\n\
              property float x\nproperty float y\nproperty float z\n{property}{channels}end_header\n",
             points.len()
         )?;
         for (i, point) in points.iter().enumerate() {
             let value = intensity.map(|values| values[i]);
-            match format {
-                PlyFormat::Binary => {
-                    for number in point.iter().chain(&value) {
-                        writer.write_all(&number.to_le_bytes())?;
-                    }
-                    if let Some(color) = color {
-                        writer.write_all(&color[i])?;
-                    }
-                }
-                PlyFormat::Ascii => {
-                    let [x, y, z] = point;
-                    write!(writer, "{x} {y} {z}")?;
-                    write!(writer, "{}", value.map_or(String::new(), |value| format!(" {value}")))?;
-                    writeln!(
-                        writer,
-                        "{}",
-                        color.map_or(String::new(), |c| format!(" {} {} {}", c[i][0], c[i][1], c[i][2]))
-                    )?;
-                }
+            for number in point.iter().chain(&value) {
+                writer.write_all(&number.to_le_bytes())?;
+            }
+            if let Some(color) = color {
+                writer.write_all(&color[i])?;
             }
         }
         Ok(())
@@ -103,27 +76,17 @@ fn write_ply_file(path: &Path, cloud: &Cloud, format: PlyFormat) -> Result<(), F
 mod tests {
     use super::*;
 
-    fn written(cloud: &Cloud, format: PlyFormat) -> Result<Vec<u8>, FileError> {
+    fn written(cloud: &Cloud) -> Result<Vec<u8>, FileError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cloud.ply");
-        write_ply(&path, cloud, format)?;
+        write_ply(&path, cloud)?;
         Ok(std::fs::read(&path).unwrap())
-    }
-
-    #[test]
-    fn ascii() {
-        let cloud = Cloud { points: vec![[1.0, -2.5, 1000.25], [0.1, 0.0, 3.0]], intensity: None, color: None };
-        let text = String::from_utf8(written(&cloud, PlyFormat::Ascii).unwrap()).unwrap();
-        let expected = "ply\nformat ascii 1.0\ncomment depthcal: millimetres, x right, y down, z forward\n\
-                        element vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
-                        1 -2.5 1000.25\n0.1 0 3\n";
-        assert_eq!(text, expected);
     }
 
     #[test]
     fn binary_with_intensity() {
         let cloud = Cloud { points: vec![[1.0, 2.0, 3.0]; 2], intensity: Some(vec![4.0, 5.0]), color: None };
-        let bytes = written(&cloud, PlyFormat::Binary).unwrap();
+        let bytes = written(&cloud).unwrap();
         let head = b"end_header\n";
         let start = bytes.windows(head.len()).position(|window| window == head).unwrap() + head.len();
         let numbers: Vec<f32> =
@@ -137,23 +100,23 @@ mod tests {
     fn colours_follow_the_numbers() {
         let color = Some(vec![[1, 2, 3], [255, 0, 9]]);
         let cloud = Cloud { points: vec![[1.0, 2.0, 3.0]; 2], intensity: Some(vec![4.0, 5.0]), color };
-        let text = String::from_utf8(written(&cloud, PlyFormat::Ascii).unwrap()).unwrap();
+        let bytes = written(&cloud).unwrap();
+        let head = String::from_utf8_lossy(&bytes);
         assert!(
-            text.contains("intensity\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n")
+            head.contains("intensity\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n")
         );
-        assert!(text.ends_with("1 2 3 4 1 2 3\n1 2 3 5 255 0 9\n"), "{text}");
-        let bytes = written(&cloud, PlyFormat::Binary).unwrap();
-        assert_eq!(bytes[bytes.len() - 3..], [255, 0, 9]);
+        // Four numbers of four bytes and three of one.
+        assert_eq!([&bytes[bytes.len() - 22..][..3], &bytes[bytes.len() - 3..]], [[1, 2, 3], [255, 0, 9]]);
         let short = Cloud { color: Some(vec![[0; 3]]), ..cloud };
-        assert!(written(&short, PlyFormat::Binary).unwrap_err().to_string().contains("1 values for 2 points"));
+        assert!(written(&short).unwrap_err().to_string().contains("1 values for 2 points"));
     }
 
     #[test]
     fn faults_are_named() {
         let cloud = Cloud { points: vec![[1.0, 2.0, f32::NAN]], intensity: None, color: None };
-        assert!(written(&cloud, PlyFormat::Ascii).unwrap_err().to_string().contains("points[0]"));
+        assert!(written(&cloud).unwrap_err().to_string().contains("points[0]"));
         let cloud = Cloud { points: vec![[1.0; 3]], intensity: Some(vec![]), color: None };
-        assert!(written(&cloud, PlyFormat::Ascii).unwrap_err().to_string().contains("0 values for 1 points"));
-        assert!(written(&Cloud::default(), PlyFormat::Binary).is_ok());
+        assert!(written(&cloud).unwrap_err().to_string().contains("0 values for 1 points"));
+        assert!(written(&Cloud::default()).is_ok());
     }
 }

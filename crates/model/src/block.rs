@@ -45,11 +45,6 @@ impl Block {
         self.piece.as_ref().map_or(Cow::Borrowed(pinhole::TITLE), |p| p.title())
     }
 
-    /// Summary in plain words that follow its name and a colon.
-    pub fn summary(&self) -> &'static str {
-        self.piece.as_ref().map_or(pinhole::SUMMARY, |p| p.summary())
-    }
-
     /// Where it acts; the pinhole counts as [`HookKind::Pixel`].
     pub fn hook(&self) -> HookKind {
         self.piece.as_ref().map_or(HookKind::Pixel, |p| p.hook())

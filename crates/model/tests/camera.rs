@@ -57,7 +57,7 @@ fn parameter_ranges_follow_each_other_in_theta() {
     // The chain has the same order.
     let chain = camera.chain();
     let pinhole = camera.block_index("pinhole").unwrap();
-    assert_eq!(camera.parameter_ranges().nth(pinhole).unwrap().start, chain.pinhole_offset());
+    assert_eq!(camera.parameter_ranges().nth(pinhole).unwrap().end, chain.image_parameter_count());
     assert_eq!(chain.parameter_count(), theta.len());
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{AnyPiece, Context, Covariate, PieceSpec, Register, StrayLight, pinhole, pose};
+use depthcal_model::{AnyPiece, Context, Covariate, PieceSpec, Register, StrayLight, pinhole};
 
 fn pieces() -> Vec<Arc<dyn AnyPiece>> {
     let register = Register::builtin();
@@ -24,7 +24,7 @@ fn every_piece_describes_itself_and_its_parameters() {
         }
         assert!(piece.confounded().is_none_or(sentence), "{name}");
     }
-    for parameter in pinhole::PARAMETERS.iter().chain(&pose::PARAMETERS) {
+    for parameter in &pinhole::PARAMETERS {
         assert!(sentence(parameter.meaning), "{}", parameter.name);
     }
 }

@@ -138,7 +138,7 @@ fn the_piece_of_a_cell_agrees_with_the_whole() {
         }
         places.extend(layout.parameter_count() - layout.shared..layout.parameter_count());
         theta.extend(places.iter().map(|i| block.theta[*i]));
-        assert_eq!(theta.len(), layout.cell_parameter_count());
+        assert_eq!(theta.len(), piece.of_cell().unwrap().parameters().len());
         let (n, m) = (block.theta.len(), theta.len());
         let (mut whole, mut cell) = (([0.0], [0.0; 4], vec![0.0; n]), ([0.0], [0.0; 4], vec![0.0; m]));
         piece.linearize(&block.theta, &state, &[context], &mut whole.0, &mut whole.1, Some(&mut whole.2));

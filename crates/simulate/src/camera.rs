@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::SimulateError;
+use crate::error::{SimulateError, check, positive};
 
 /// True parameters of a depth camera. Pixel centres have integer coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -97,25 +97,16 @@ impl CameraTruth {
 
     /// Checks that the parameters are finite, and those that must be positive are.
     pub(crate) fn check(&self) -> Result<(), SimulateError> {
-        let positive = |field: &'static str, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                Ok(())
-            } else {
-                Err(SimulateError::BadParameter { field, value, expected: "a positive number" })
-            }
-        };
-        positive("camera.width", self.width as f64)?;
-        positive("camera.height", self.height as f64)?;
-        positive("camera.focal_px", self.focal_px[0])?;
-        positive("camera.focal_px", self.focal_px[1])?;
-        positive("camera.baseline_mm", self.baseline_mm)?;
-        positive("camera.depth[3]", self.depth[3])?;
+        positive([
+            ("camera.width", self.width as f64),
+            ("camera.height", self.height as f64),
+            ("camera.focal_px", self.focal_px[0]),
+            ("camera.focal_px", self.focal_px[1]),
+            ("camera.baseline_mm", self.baseline_mm),
+            ("camera.depth[3]", self.depth[3]),
+        ])?;
         let others = [self.skew_px, self.centre_px[0], self.centre_px[1]];
-        for value in others.into_iter().chain(self.lens).chain(self.fisheye.unwrap_or_default()).chain(self.depth) {
-            if !value.is_finite() {
-                return Err(SimulateError::BadParameter { field: "camera", value, expected: "finite parameters" });
-            }
-        }
-        Ok(())
+        let others = others.into_iter().chain(self.lens).chain(self.fisheye.unwrap_or_default()).chain(self.depth);
+        check(others.map(|value| ("camera", value)), "finite parameters", |_| true)
     }
 }

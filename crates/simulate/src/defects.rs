@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::board::Board;
 use crate::conditions::Conditions;
-use crate::error::SimulateError;
+use crate::error::{SimulateError, check};
 use crate::pose::Pose;
 use crate::streams::{Purpose, stream};
 
@@ -79,21 +79,12 @@ impl Defects {
             let expected = "no more defective frames than the dataset has";
             return Err(SimulateError::BadParameter { field: "defects", value: hit as f64, expected });
         }
-        for (field, value) in
-            [("defects.depth_outliers", self.depth_outliers), ("defects.marker_outliers", self.marker_outliers)]
-        {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(SimulateError::BadParameter { field, value, expected: "a share from 0 to 1" });
-            }
-        }
-        for (field, value) in
-            [("defects.spacing_factor", self.spacing_factor), ("defects.depth_unit_factor", self.depth_unit_factor)]
-        {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(SimulateError::BadParameter { field, value, expected: "a positive factor" });
-            }
-        }
-        Ok(())
+        let shares =
+            [("defects.depth_outliers", self.depth_outliers), ("defects.marker_outliers", self.marker_outliers)];
+        check(shares, "a share from 0 to 1", |value| (0.0..=1.0).contains(&value))?;
+        let factors =
+            [("defects.spacing_factor", self.spacing_factor), ("defects.depth_unit_factor", self.depth_unit_factor)];
+        check(factors, "a positive factor", |value| value > 0.0)
     }
 
     /// The frames with their defects, at most one per frame.

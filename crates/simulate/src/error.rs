@@ -131,3 +131,23 @@ pub enum SimulateError {
         source: png::EncodingError,
     },
 }
+
+/// Refuses the first parameter whose value is not finite or does not pass; `expected` says what would.
+pub(crate) fn check(
+    parameters: impl IntoIterator<Item = (&'static str, f64)>,
+    expected: &'static str,
+    passes: impl Fn(f64) -> bool,
+) -> Result<(), SimulateError> {
+    let refused = parameters.into_iter().find(|(_, value)| !(value.is_finite() && passes(*value)));
+    refused.map_or(Ok(()), |(field, value)| Err(SimulateError::BadParameter { field, value, expected }))
+}
+
+/// Refuses the first parameter that is not above 0.
+pub(crate) fn positive(parameters: impl IntoIterator<Item = (&'static str, f64)>) -> Result<(), SimulateError> {
+    check(parameters, "a positive number", |value| value > 0.0)
+}
+
+/// Refuses the first parameter that is below 0.
+pub(crate) fn not_negative(parameters: impl IntoIterator<Item = (&'static str, f64)>) -> Result<(), SimulateError> {
+    check(parameters, "zero or a positive number", |value| value >= 0.0)
+}

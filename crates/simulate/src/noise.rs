@@ -4,7 +4,7 @@ use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal, StudentT};
 use serde::{Deserialize, Serialize};
 
-use crate::error::SimulateError;
+use crate::error::{SimulateError, check, not_negative};
 
 /// Law by which depth noise grows with distance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -87,25 +87,15 @@ impl Noise {
             DepthNoise::Disparity { sigma_rho } => sigma_rho,
             DepthNoise::TimeOfFlight { sigma_mm } => sigma_mm,
         };
-        let fields = [
+        not_negative([
             ("noise.depth", law),
             ("noise.depth_correlation_px", self.depth_correlation_px),
             ("noise.depth_step_rho", self.depth_step_rho),
             ("noise.blur_px", self.blur_px),
             ("noise.image_read", self.image_read),
             ("noise.image_shot", self.image_shot),
-        ];
-        for (field, value) in fields {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(SimulateError::BadParameter { field, value, expected: "zero or a positive number" });
-            }
-        }
-        match self.tail_dof {
-            Some(value) if !(value.is_finite() && value > 2.0) => {
-                Err(SimulateError::BadParameter { field: "noise.tail_dof", value, expected: "more than 2" })
-            }
-            _ => Ok(()),
-        }
+        ])?;
+        check(self.tail_dof.map(|value| ("noise.tail_dof", value)), "more than 2", |value| value > 2.0)
     }
 
     /// The distribution of standardised noise.

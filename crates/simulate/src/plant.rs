@@ -7,7 +7,7 @@ use crate::board::Board;
 use crate::camera::CameraTruth;
 use crate::conditions::Conditions;
 use crate::effects::{self, Effect, EffectTruth};
-use crate::error::SimulateError;
+use crate::error::{SimulateError, check};
 use crate::instrument::{Instrument, Reading};
 use crate::streams::{Purpose, stream};
 
@@ -100,10 +100,7 @@ impl PlantView<'_> {
             Some(amplitude) if amplitude.len() != need => return mismatch("the amplitude image", amplitude.len()),
             _ => {}
         }
-        if !(self.unit_mm.is_finite() && self.unit_mm > 0.0) {
-            let expected = "millimetres per step, positive";
-            return Err(SimulateError::BadParameter { field: "unit_mm", value: self.unit_mm, expected });
-        }
+        check([("unit_mm", self.unit_mm)], "millimetres per step, positive", |value| value > 0.0)?;
         self.camera().check()
     }
 

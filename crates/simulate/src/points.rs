@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::board::Pattern;
 use crate::conditions::Conditions;
 use crate::defects::Frame;
-use crate::error::SimulateError;
+use crate::error::{SimulateError, not_negative};
 use crate::noise::UnitNoise;
 use crate::session::{Session, frame_name};
 use crate::simulation::Simulation;
@@ -94,15 +94,11 @@ impl Simulation {
     /// # Errors
     /// [`SimulateError`] when a parameter is unusable.
     pub fn observe_points(&self, options: &PointOptions) -> Result<PointObservations, SimulateError> {
-        for (field, value) in [
+        not_negative([
             ("sigma_px", options.sigma_px),
             ("edge_margin_mm", options.edge_margin_mm),
             ("marker_depth_share", options.marker_depth_share),
-        ] {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(SimulateError::BadParameter { field, value, expected: "zero or a positive number" });
-            }
-        }
+        ])?;
         let session = Session::new(self)?;
         let frames = session
             .frames

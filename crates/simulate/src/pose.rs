@@ -44,12 +44,6 @@ impl Pose {
         Matrix3::from_fn(|i, j| self.rotation[i][j])
     }
 
-    /// R as a rotation vector, radians.
-    pub fn rotation_vector(&self) -> [f64; 3] {
-        let v = Rotation3::from_matrix_unchecked(self.matrix()).scaled_axis();
-        [v.x, v.y, v.z]
-    }
-
     /// The point P (board frame, mm) in the camera frame, mm.
     pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
         let x = self.matrix() * Vector3::from(p) + Vector3::from(self.translation);

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::SimulateError;
+use crate::error::{SimulateError, not_negative, positive};
 
 /// Options of rendering: the camera's output format, the background, and defects of depth pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -53,27 +53,16 @@ impl Rendering {
             let value = f64::from(self.image_bits);
             return Err(SimulateError::BadParameter { field: "rendering.image_bits", value, expected: "8 or 16" });
         }
-        for (field, value) in
-            [("rendering.depth_unit_mm", self.depth_unit_mm), ("rendering.max_range_mm", self.max_range_mm)]
-        {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(SimulateError::BadParameter { field, value, expected: "a positive number" });
-            }
-        }
+        positive([("rendering.depth_unit_mm", self.depth_unit_mm), ("rendering.max_range_mm", self.max_range_mm)])?;
         let modulation_mhz = self.modulation_mhz.iter().sum::<f64>();
         if !(modulation_mhz.is_finite() && modulation_mhz > 0.0 && self.modulation_mhz.iter().all(|f| *f >= 0.0)) {
             let (field, expected) = ("rendering.modulation_mhz", "frequencies of which one is positive");
             return Err(SimulateError::BadParameter { field, value: modulation_mhz, expected });
         }
-        for (field, value) in [
+        not_negative([
             ("rendering.wall_mm", self.wall_mm),
             ("rendering.holes", self.holes),
             ("rendering.edge_noise", self.edge_noise),
-        ] {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(SimulateError::BadParameter { field, value, expected: "zero or a positive number" });
-            }
-        }
-        Ok(())
+        ])
     }
 }

@@ -4,7 +4,7 @@ use crate::board::Board;
 use crate::camera::CameraTruth;
 use crate::defects::Defects;
 use crate::effects::{Effect, GivenEffect};
-use crate::error::SimulateError;
+use crate::error::{SimulateError, check, not_negative, positive};
 use crate::kind::Kind;
 use crate::light::Exposure;
 use crate::noise::Noise;
@@ -142,7 +142,7 @@ impl Simulation {
         self.noise.check()?;
         self.defects.check(self.frames)?;
         let board = &self.board;
-        let positive = [
+        positive([
             ("frames", self.frames as f64),
             ("board.columns", board.columns as f64),
             ("board.rows", board.rows as f64),
@@ -150,24 +150,10 @@ impl Simulation {
             ("board.circle_diameter_mm", board.circle_diameter_mm().unwrap_or(1.0)),
             ("board.bright", board.bright),
             ("board.dark", board.dark),
-        ];
-        for (field, value) in positive {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(SimulateError::BadParameter { field, value, expected: "a positive number" });
-            }
-        }
-        for &value in
-            self.poses.iter().flatten().flat_map(|pose| pose.rotation.as_flattened().iter().chain(&pose.translation))
-        {
-            if !value.is_finite() {
-                return Err(SimulateError::BadParameter { field: "poses", value, expected: "finite numbers" });
-            }
-        }
-        if !(board.card_margin_mm.is_finite() && board.card_margin_mm >= 0.0) {
-            let expected = "zero or a positive number";
-            let value = board.card_margin_mm;
-            return Err(SimulateError::BadParameter { field: "board.card_margin_mm", value, expected });
-        }
-        Ok(())
+        ])?;
+        let numbers = |pose: &Pose| pose.rotation.into_iter().flatten().chain(pose.translation);
+        let poses = self.poses.iter().flatten().flat_map(numbers);
+        check(poses.map(|value| ("poses", value)), "finite numbers", |_| true)?;
+        not_negative([("board.card_margin_mm", board.card_margin_mm)])
     }
 }

@@ -1,9 +1,8 @@
 //! Problems too ill-conditioned for normal equations, and undetermined combinations of variables.
 
-use crate::common::{Bundle, bundle};
+use crate::common::{Bundle, LINEAR_SOLVERS, bundle};
 use depthcal_solver::{
-    Batch, Factor, Graph, Key, LinearSolver, Loss, Method, Options, Over, Preconditioner, Scalar, Solution, Values,
-    minimize,
+    Batch, Factor, Graph, Key, LinearSolver, Loss, Method, Options, Over, Scalar, Solution, Values, minimize,
 };
 use nalgebra::{SVector, Vector2, Vector3};
 
@@ -79,24 +78,13 @@ fn what_normal_equations_take_for_undetermined_qr_may_not() {
     assert_eq!(count(LinearSolver::SparseQr), 0);
 }
 
-const ALL: [LinearSolver; 8] = [
-    LinearSolver::Auto,
-    LinearSolver::Dense,
-    LinearSolver::SparseCholesky,
-    LinearSolver::DenseSchur,
-    LinearSolver::SparseSchur,
-    LinearSolver::ConjugateGradients(Preconditioner::BlockJacobi),
-    LinearSolver::ConjugateGradients(Preconditioner::SchurJacobi),
-    LinearSolver::SparseQr,
-];
-
 #[test]
 fn undetermined_combinations_are_named_whatever_the_linear_solver() {
     let Bundle { mut graph, values, poses, .. } = bundle(6, 40, 0.3, Loss::Trivial, 12);
     graph.unfix(poses[0]);
     graph.unfix(poses[1]);
     poses.iter().enumerate().for_each(|(i, p)| graph.label(*p, format!("pose {i}")));
-    for linear_solver in ALL {
+    for linear_solver in LINEAR_SOLVERS {
         let options = Options { linear_solver, name_undetermined: true, ..Options::default() };
         let solution = minimize(&graph, values.clone(), &options).unwrap();
         let report = &solution.report;
@@ -122,7 +110,7 @@ fn undetermined_combinations_are_named_whatever_the_linear_solver() {
     // With the gauge fixed, everything is determined.
     graph.fix(poses[0]);
     graph.fix_partly(poses[1], &[false, false, false, true, false, false]);
-    for linear_solver in ALL {
+    for linear_solver in LINEAR_SOLVERS {
         let options = Options { linear_solver, name_undetermined: true, ..Options::default() };
         let report = minimize(&graph, values.clone(), &options).unwrap().report;
         assert!(report.undetermined.is_empty(), "{linear_solver:?} {report}");

@@ -1,9 +1,8 @@
 //! Every linear solver gives the solution of the dense normal equations, on random problems.
 
-use crate::common::{self, normal, rng};
+use crate::common::{self, LINEAR_SOLVERS, normal, rng};
 use depthcal_solver::{
-    Covariance, CovarianceOptions, EvaluationError, FactorBatch, Graph, Key, LinearSolver, Options, Preconditioner,
-    Values, VariableId, minimize,
+    Covariance, CovarianceOptions, EvaluationError, FactorBatch, Graph, Key, Options, Values, VariableId, minimize,
 };
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
@@ -178,16 +177,7 @@ proptest! {
         if eliminate {
             graph.eliminate(independent);
         }
-        for linear_solver in [
-            LinearSolver::Auto,
-            LinearSolver::Dense,
-            LinearSolver::SparseCholesky,
-            LinearSolver::DenseSchur,
-            LinearSolver::SparseSchur,
-            LinearSolver::ConjugateGradients(Preconditioner::BlockJacobi),
-            LinearSolver::ConjugateGradients(Preconditioner::SchurJacobi),
-            LinearSolver::SparseQr,
-        ] {
+        for linear_solver in LINEAR_SOLVERS {
             let options = Options { linear_solver, cost_tolerance: 1e-15, parameter_tolerance: 1e-12, ..Options::default() };
             let solved = minimize(&graph, values.clone(), &options).unwrap();
             let x = DVector::from_iterator(

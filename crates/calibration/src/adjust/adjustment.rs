@@ -354,11 +354,6 @@ impl Adjustment {
         self.cameras[camera].drift.map(|key| key.id())
     }
 
-    /// The variable of a camera's time offset.
-    pub fn offset_variable(&self, camera: usize) -> Option<VariableId> {
-        self.cameras[camera].offset.map(|key| key.id())
-    }
-
     /// Variables of the cameras in order: of each its extrinsics, but of the reference, their drift and the offset of its time
     /// where it has them, and its blocks.
     pub fn variables(&self) -> Vec<VariableId> {

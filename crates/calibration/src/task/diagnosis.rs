@@ -13,7 +13,7 @@ use super::made::Made;
 use super::model_request::ModelRequest;
 use super::report_input::{ReportCamera, ReportInput, ReportRig, Role};
 use super::results::{Results, Shown};
-use super::rig_diagnosis::{DiagnosedRig, camera_record};
+use super::rig_diagnosis::{DiagnosedRig, diagnosed_record};
 use crate::calibrate::{CalibrateError, CameraOptions};
 use crate::diagnose::{DiagnoseOptions, diagnose};
 use crate::load::Loaded;
@@ -87,7 +87,7 @@ impl DiagnoseRequest {
             _ => Diagnosis {
                 dataset,
                 verdict: diagnosis.verdict,
-                cameras: cameras.iter().map(|(name, camera)| camera_record(name, camera)).collect(),
+                cameras: cameras.iter().map(|(name, camera)| diagnosed_record(name, camera)).collect(),
                 rig: rig.as_ref().map(DiagnosedRig::findings),
             },
         };

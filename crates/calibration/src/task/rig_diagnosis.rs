@@ -61,7 +61,7 @@ fn test_record(test: &DriftTest, found: &RigDiagnosis) -> RigDriftTest {
 }
 
 /// The record of a camera of a rig.
-pub(super) fn camera_record(name: &str, camera: &DiagnosedCamera) -> CameraRecord {
+pub(super) fn diagnosed_record(name: &str, camera: &DiagnosedCamera) -> CameraRecord {
     let texts = |specs: &[PieceSpec]| specs.iter().map(ToString::to_string).collect();
     let shown = |effect: &EffectInRig| RigEffect { effect: effect.spec.to_string(), left_out: effect.left_out };
     let CameraInRig { poses_from_others, of_board, before, effects } = camera.in_rig.clone().unwrap_or_default();

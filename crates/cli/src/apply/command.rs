@@ -25,7 +25,7 @@ use super::stream::StreamContext;
 use super::stream_args::StreamArgs;
 use super::stream_register::Registered;
 use super::written::{Written, millimetres, points_of};
-use crate::common::{calibration_path, print_pairing, read_calibration, read_cameras};
+use crate::common::{above_zero, calibration_path, print_pairing, read_calibration, read_cameras};
 use crate::failure::{Failure, input};
 use crate::progress::Progress;
 use crate::session::Session;
@@ -81,11 +81,7 @@ pub(crate) struct Apply {
 
 impl Apply {
     pub(crate) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        if let Some(unit) = self.unit_mm.filter(|unit| !(unit.is_finite() && *unit > 0.0)) {
-            return Err(Failure::Input(format!(
-                "--unit-mm is {unit}: give the millimetres per step, such as 1 or 0.25"
-            )));
-        }
+        above_zero("--unit-mm", self.unit_mm, "the millimetres per step, such as 1 or 0.25")?;
         if self.stream.stream_output.is_some() && self.depth.iter().all(|path| path.as_os_str() != "-") {
             let message = "--stream-output is for frames from standard input: give `-` as DEPTH, or leave it out";
             return Err(Failure::Input(message.to_owned()));

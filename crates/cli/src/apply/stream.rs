@@ -5,11 +5,12 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
-use depthcal_io::{DepthImage, GrayImage};
+use depthcal_io::DepthImage;
 use depthcal_report::format::count;
 
-use super::stream_args::{FrameJob, Raw, StreamArgs, Written, bytes_of, f32_from_bytes, u16_from_bytes};
+use super::stream_args::{FrameInput, FrameJob, Raw, StreamArgs, Written, bytes_of, in_steps};
 use super::stream_register::{RegisterJob, Registered};
+use crate::common::above_zero;
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::voice::{self, complaint, note};
@@ -32,12 +33,10 @@ impl StreamArgs {
         let (width, height) = (context.corrector.width(), context.corrector.height());
         let written = self.stream_output.unwrap_or(Written::U16);
         self.check(&context, written, (width, height))?;
+        let input = FrameInput::new(self, context.corrector, context.unit_mm.unwrap_or(1.0));
         let mut job: Box<dyn FrameJob> = match &context.register {
-            Some(cameras) => {
-                let unit_mm = context.unit_mm.unwrap_or(1.0);
-                Box::new(RegisterJob::new(self, (context.corrector, unit_mm), cameras, written))
-            }
-            None => Box::new(Job::new(self, &context, written)),
+            Some(cameras) => Box::new(RegisterJob::new(input, cameras, written)),
+            None => Box::new(Job::new(input, written)),
         };
         let frame_bytes = job.frame_bytes();
 
@@ -120,9 +119,7 @@ impl StreamArgs {
                 context.calibration.display()
             )));
         }
-        if let Some(fps) = self.stream_fps.filter(|fps| !(*fps > 0.0 && fps.is_finite())) {
-            return Err(Failure::Input(format!("--stream-fps is {fps}: give the frames per second, such as 30")));
-        }
+        above_zero("--stream-fps", self.stream_fps, "the frames per second, such as 30")?;
         let needs = context.corrector.needs();
         let missing = [
             (needs.time && self.stream_fps.is_none(), "time", "--stream-fps"),
@@ -142,89 +139,49 @@ impl StreamArgs {
     }
 }
 
-/// Buffers of the current frame.
+/// Correction of the frames of one camera.
 struct Job<'a> {
-    args: &'a StreamArgs,
-    corrector: &'a Corrector,
-    unit_mm: f64,
+    input: FrameInput<'a>,
     written: Written,
-    steps: DepthImage,
     out_steps: DepthImage,
-    millimetres: Vec<f32>,
     points: Vec<f32>,
-    amplitude: GrayImage,
 }
 
 impl<'a> Job<'a> {
-    fn new(args: &'a StreamArgs, context: &StreamContext<'a>, written: Written) -> Self {
-        let (width, height) = (context.corrector.width(), context.corrector.height());
-        let n = width * height;
-        let steps = DepthImage { width, height, data: vec![0; n] };
-        Self {
-            args,
-            corrector: context.corrector,
-            unit_mm: context.unit_mm.unwrap_or(1.0),
-            written,
-            out_steps: steps.clone(),
-            steps,
-            millimetres: vec![0.0; n],
-            points: vec![0.0; if written == Written::Xyz { 3 * n } else { 0 }],
-            amplitude: GrayImage { width, height, data: vec![0; n], bits: 16 },
-        }
+    fn new(input: FrameInput<'a>, written: Written) -> Self {
+        let points = vec![0.0; if written == Written::Xyz { 3 * input.millimetres.len() } else { 0 }];
+        Self { out_steps: input.steps.clone(), input, written, points }
     }
 }
 
 impl FrameJob for Job<'_> {
     fn frame_bytes(&self) -> usize {
-        let pixels = self.millimetres.len();
-        pixels * self.args.stream_input.bytes() + if self.args.stream_amplitude { 2 * pixels } else { 0 }
+        self.input.bytes()
     }
 
     fn correct(&mut self, index: usize, frame: &[u8], out: &mut Vec<u8>) -> Result<CorrectionSummary, CorrectorError> {
-        let (depth, amplitude) = frame.split_at(self.millimetres.len() * self.args.stream_input.bytes());
-        let Self { args, corrector, unit_mm, written, steps, out_steps, millimetres, points, .. } = self;
-        if args.stream_amplitude {
-            u16_from_bytes(amplitude, &mut self.amplitude.data);
-        }
-        let context = args.context(index, &self.amplitude);
-        let unit_mm = *unit_mm;
-        if args.stream_input == Raw::F32 {
-            f32_from_bytes(depth, millimetres);
-            let summary = corrector.correct_f32_in_place(millimetres, &context)?;
-            match written {
-                Written::F32 => bytes_of(millimetres.iter().map(|z| z.to_le_bytes()), out),
-                Written::U16 => {
-                    let in_steps = |z: &f32| {
-                        let steps = (f64::from(*z) / unit_mm).round().clamp(1.0, f64::from(u16::MAX)) as u16;
-                        if *z > 0.0 { steps } else { 0 }
-                    };
-                    bytes_of(millimetres.iter().map(|z| in_steps(z).to_le_bytes()), out);
-                }
-                Written::Xyz | Written::Xyzrgb => {
-                    corrector.points_f32_into(millimetres, PointsMut::Interleaved(points))?;
-                    bytes_of(points.iter().map(|c| c.to_le_bytes()), out);
-                }
-            }
+        self.input.take(frame);
+        if matches!(self.written, Written::Xyz | Written::Xyzrgb) {
+            let summary = self.input.points(index, PointsMut::Interleaved(&mut self.points))?;
+            bytes_of(self.points.iter().map(|c| c.to_le_bytes()), out);
             return Ok(summary);
         }
-        u16_from_bytes(depth, &mut steps.data);
-        match written {
-            Written::U16 => {
-                let summary = corrector.correct_u16(steps, unit_mm, &context, out_steps)?;
-                bytes_of(out_steps.data.iter().map(|z| z.to_le_bytes()), out);
-                Ok(summary)
-            }
-            Written::F32 => {
-                let summary = corrector.correct_u16_to_f32(steps, unit_mm, &context, millimetres)?;
-                bytes_of(millimetres.iter().map(|z| z.to_le_bytes()), out);
-                Ok(summary)
-            }
-            Written::Xyz | Written::Xyzrgb => {
-                let summary = corrector.correct_to_points(steps, unit_mm, &context, PointsMut::Interleaved(points))?;
-                bytes_of(points.iter().map(|c| c.to_le_bytes()), out);
-                Ok(summary)
-            }
+        let FrameInput { args, corrector, unit_mm, steps, millimetres, amplitude } = &mut self.input;
+        let (context, unit_mm) = (args.context(index, amplitude), *unit_mm);
+        if (args.stream_input, self.written) == (Raw::U16, Written::U16) {
+            let summary = corrector.correct_u16(steps, unit_mm, &context, &mut self.out_steps)?;
+            bytes_of(self.out_steps.data.iter().map(|z| z.to_le_bytes()), out);
+            return Ok(summary);
         }
+        let summary = match args.stream_input {
+            Raw::F32 => corrector.correct_f32_in_place(millimetres, &context)?,
+            Raw::U16 => corrector.correct_u16_to_f32(steps, unit_mm, &context, millimetres)?,
+        };
+        match self.written {
+            Written::U16 => bytes_of(millimetres.iter().map(|z| in_steps(*z, unit_mm).to_le_bytes()), out),
+            _ => bytes_of(millimetres.iter().map(|z| z.to_le_bytes()), out),
+        }
+        Ok(summary)
     }
 }
 

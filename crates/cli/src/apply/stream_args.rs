@@ -1,8 +1,8 @@
 //! Options and raw values of a stream.
 
 use clap::{Args, ValueEnum};
-use depthcal_correction::{CorrectionSummary, CorrectorError, FrameContext};
-use depthcal_io::GrayImage;
+use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext, PointsMut};
+use depthcal_io::{DepthImage, GrayImage};
 
 /// Type of a raw frame's values: little-endian, row by row, nothing between frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -66,6 +66,68 @@ pub(super) trait FrameJob {
     fn correct(&mut self, index: usize, frame: &[u8], out: &mut Vec<u8>) -> Result<CorrectionSummary, CorrectorError>;
 }
 
+/// Depth and amplitude of the current frame.
+pub(super) struct FrameInput<'a> {
+    pub(super) args: &'a StreamArgs,
+    pub(super) corrector: &'a Corrector,
+    pub(super) unit_mm: f64,
+    pub(super) steps: DepthImage,
+    pub(super) millimetres: Vec<f32>,
+    pub(super) amplitude: GrayImage,
+}
+
+impl<'a> FrameInput<'a> {
+    pub(super) fn new(args: &'a StreamArgs, corrector: &'a Corrector, unit_mm: f64) -> Self {
+        let (width, height) = (corrector.width(), corrector.height());
+        let n = width * height;
+        Self {
+            args,
+            corrector,
+            unit_mm,
+            steps: DepthImage { width, height, data: vec![0; n] },
+            millimetres: vec![0.0; n],
+            amplitude: GrayImage { width, height, data: vec![0; n], bits: 16 },
+        }
+    }
+
+    /// Bytes of depth and of amplitude in a frame.
+    fn parts(&self) -> [usize; 2] {
+        let pixels = self.millimetres.len();
+        [pixels * self.args.stream_input.bytes(), if self.args.stream_amplitude { 2 * pixels } else { 0 }]
+    }
+
+    /// Bytes of a frame.
+    pub(super) fn bytes(&self) -> usize {
+        self.parts().iter().sum()
+    }
+
+    /// Takes depth and amplitude from the bytes of a frame; returns those that follow.
+    pub(super) fn take<'b>(&mut self, frame: &'b [u8]) -> &'b [u8] {
+        let [of_depth, of_amplitude] = self.parts();
+        let (depth, after_depth) = frame.split_at(of_depth);
+        let (amplitude, others) = after_depth.split_at(of_amplitude);
+        match self.args.stream_input {
+            Raw::U16 => u16_from_bytes(depth, &mut self.steps.data),
+            Raw::F32 => f32_from_bytes(depth, &mut self.millimetres),
+        }
+        if self.args.stream_amplitude {
+            u16_from_bytes(amplitude, &mut self.amplitude.data);
+        }
+        others
+    }
+
+    /// Corrected points of frame number `index`, mm.
+    pub(super) fn points(&mut self, index: usize, out: PointsMut<'_>) -> Result<CorrectionSummary, CorrectorError> {
+        let context = self.args.context(index, &self.amplitude);
+        if self.args.stream_input == Raw::U16 {
+            return self.corrector.correct_to_points(&self.steps, self.unit_mm, &context, out);
+        }
+        let summary = self.corrector.correct_f32_in_place(&mut self.millimetres, &context)?;
+        self.corrector.points_f32_into(&self.millimetres, out)?;
+        Ok(summary)
+    }
+}
+
 impl StreamArgs {
     /// The conditions of frame number `index`.
     pub(super) fn context<'a>(&self, index: usize, amplitude: &'a GrayImage) -> FrameContext<'a> {
@@ -87,13 +149,19 @@ impl Raw {
     }
 }
 
-pub(super) fn u16_from_bytes(bytes: &[u8], values: &mut [u16]) {
+/// Depth in mm as steps of a unit; 0 where there is none.
+pub(super) fn in_steps(z: f32, unit_mm: f64) -> u16 {
+    let steps = (f64::from(z) / unit_mm).round().clamp(1.0, f64::from(u16::MAX)) as u16;
+    if z > 0.0 { steps } else { 0 }
+}
+
+fn u16_from_bytes(bytes: &[u8], values: &mut [u16]) {
     for (value, bytes) in values.iter_mut().zip(bytes.as_chunks().0) {
         *value = u16::from_le_bytes(*bytes);
     }
 }
 
-pub(super) fn f32_from_bytes(bytes: &[u8], values: &mut [f32]) {
+fn f32_from_bytes(bytes: &[u8], values: &mut [f32]) {
     for (value, bytes) in values.iter_mut().zip(bytes.as_chunks().0) {
         *value = f32::from_le_bytes(*bytes);
     }

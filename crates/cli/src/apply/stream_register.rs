@@ -3,10 +3,10 @@
 
 use depthcal_calibration::observe::PlacedCamera;
 use depthcal_calibration::observe::Taken;
-use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, PointsMut, colours_of, depth_into};
-use depthcal_io::{Calibration, DepthImage, GrayImage, RgbImage};
+use depthcal_correction::{CorrectionSummary, CorrectorError, PointsMut, colours_of, depth_into};
+use depthcal_io::{Calibration, RgbImage};
 
-use super::stream_args::{FrameJob, Raw, StreamArgs, Written, bytes_of, f32_from_bytes, u16_from_bytes};
+use super::stream_args::{FrameInput, FrameJob, Written, bytes_of, in_steps};
 use crate::failure::Failure;
 
 /// The two cameras of a stream.
@@ -51,94 +51,37 @@ impl Registered {
     }
 }
 
-/// Buffers of the current frame.
+/// Registration of the frames of a rig.
 pub(super) struct RegisterJob<'a> {
-    args: &'a StreamArgs,
-    corrector: &'a Corrector,
-    unit_mm: f64,
+    input: FrameInput<'a>,
     written: Written,
     cameras: &'a Registered,
-    steps: DepthImage,
-    millimetres: Vec<f32>,
-    amplitude: GrayImage,
     color: RgbImage,
 }
 
 impl<'a> RegisterJob<'a> {
-    pub(super) fn new(
-        args: &'a StreamArgs,
-        (corrector, unit_mm): (&'a Corrector, f64),
-        cameras: &'a Registered,
-        written: Written,
-    ) -> Self {
-        let (width, height) = (corrector.width(), corrector.height());
-        let n = width * height;
-        let target = &cameras.target.camera;
-        Self {
-            args,
-            corrector,
-            unit_mm,
-            written,
-            cameras,
-            steps: DepthImage { width, height, data: vec![0; n] },
-            millimetres: vec![0.0; n],
-            amplitude: GrayImage { width, height, data: vec![0; n], bits: 16 },
-            color: RgbImage {
-                width: target.width,
-                height: target.height,
-                data: vec![[0; 3]; target.width * target.height],
-            },
-        }
-    }
-
-    fn depth_bytes(&self) -> usize {
-        self.millimetres.len() * self.args.stream_input.bytes()
-    }
-
-    fn amplitude_bytes(&self) -> usize {
-        if self.args.stream_amplitude { 2 * self.millimetres.len() } else { 0 }
-    }
-
-    /// Corrected points of the depth camera, mm, in its frame.
-    fn points(&mut self, index: usize, depth: &[u8]) -> Result<(Vec<[f32; 3]>, CorrectionSummary), CorrectorError> {
-        let context = self.args.context(index, &self.amplitude);
-        let mut points = vec![[0.0; 3]; self.millimetres.len()];
-        let out = PointsMut::Interleaved(points.as_flattened_mut());
-        let summary = match self.args.stream_input {
-            Raw::F32 => {
-                f32_from_bytes(depth, &mut self.millimetres);
-                let summary = self.corrector.correct_f32_in_place(&mut self.millimetres, &context)?;
-                self.corrector.points_f32_into(&self.millimetres, out)?;
-                summary
-            }
-            Raw::U16 => {
-                u16_from_bytes(depth, &mut self.steps.data);
-                self.corrector.correct_to_points(&self.steps, self.unit_mm, &context, out)?
-            }
-        };
-        Ok((points, summary))
+    pub(super) fn new(input: FrameInput<'a>, cameras: &'a Registered, written: Written) -> Self {
+        let (width, height) = (cameras.target.camera.width, cameras.target.camera.height);
+        Self { input, written, cameras, color: RgbImage { width, height, data: vec![[0; 3]; width * height] } }
     }
 }
 
 impl FrameJob for RegisterJob<'_> {
     fn frame_bytes(&self) -> usize {
-        let color = if self.args.stream_color { 3 * self.color.data.len() } else { 0 };
-        self.depth_bytes() + self.amplitude_bytes() + color
+        self.input.bytes() + if self.input.args.stream_color { 3 * self.color.data.len() } else { 0 }
     }
 
     fn correct(&mut self, index: usize, frame: &[u8], out: &mut Vec<u8>) -> Result<CorrectionSummary, CorrectorError> {
-        let (depth, after_depth) = frame.split_at(self.depth_bytes());
-        let (amplitude, color) = after_depth.split_at(self.amplitude_bytes());
-        if self.args.stream_amplitude {
-            u16_from_bytes(amplitude, &mut self.amplitude.data);
-        }
-        if self.args.stream_color {
+        let color = self.input.take(frame);
+        if self.input.args.stream_color {
             self.color.data.copy_from_slice(color.as_chunks().0);
         }
-        let (points, summary) = self.points(index, depth)?;
+        let mut points = vec![[0.0; 3]; self.input.millimetres.len()];
+        let summary = self.input.points(index, PointsMut::Interleaved(points.as_flattened_mut()))?;
+        let args = self.input.args;
         let taken = Taken {
-            time_s: self.args.stream_fps.map_or(f64::NAN, |fps| index as f64 / fps),
-            temperature_c: self.args.stream_temperature.unwrap_or(f64::NAN),
+            time_s: args.stream_fps.map_or(f64::NAN, |fps| index as f64 / fps),
+            temperature_c: args.stream_temperature.unwrap_or(f64::NAN),
         };
         let (placed, target) = (self.cameras.depth.at(&taken), self.cameras.target.at(&taken));
         let in_rig = |p: &[f32; 3]| placed.in_rig(p.map(f64::from)).map(|c| c as f32);
@@ -147,7 +90,7 @@ impl FrameJob for RegisterJob<'_> {
             return Ok(summary);
         }
         let target_from_camera = target.from(&placed);
-        let registered = depth_into(&points, self.steps.width, &target.camera, &target_from_camera);
+        let registered = depth_into(&points, self.input.steps.width, &target.camera, &target_from_camera);
         match self.written {
             Written::Xyz | Written::Xyzrgb => {
                 let colours = colours_of(&points, &target.camera, &target_from_camera, &registered, &self.color);
@@ -162,11 +105,7 @@ impl FrameJob for RegisterJob<'_> {
             }
             Written::F32 => bytes_of(registered.depth_mm.iter().map(|z| z.to_le_bytes()), out),
             Written::U16 => {
-                let unit_mm = self.unit_mm;
-                let step = |z: &f32| {
-                    let steps = (f64::from(*z) / unit_mm).round().clamp(1.0, f64::from(u16::MAX)) as u16;
-                    if *z > 0.0 { steps.to_le_bytes() } else { [0; 2] }
-                };
+                let step = |z: &f32| in_steps(*z, self.input.unit_mm).to_le_bytes();
                 bytes_of(registered.depth_mm.iter().map(step), out);
             }
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext, PointsMut};
-use depthcal_io::{Cloud, DepthFrame, DepthImage, DepthValues, FileError, PlyFormat, write_pcd, write_ply};
+use depthcal_io::{Cloud, DepthFrame, DepthImage, DepthValues, FileError, write_pcd, write_ply};
 
 use super::uncertainty::UncertaintyFiles;
 
@@ -42,7 +42,7 @@ impl CloudFormat {
 
     pub(super) fn write(self, path: &Path, cloud: &Cloud) -> Result<(), FileError> {
         match self {
-            CloudFormat::Ply => write_ply(path, cloud, PlyFormat::Binary),
+            CloudFormat::Ply => write_ply(path, cloud),
             CloudFormat::Pcd => write_pcd(path, cloud),
         }
     }

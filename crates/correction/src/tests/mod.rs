@@ -245,7 +245,8 @@ fn points_lie_on_the_true_rays() {
             assert!((seen[0] - expected[0]).hypot(seen[1] - expected[1]) < 1e-4);
         }
         let millimetres: Vec<f32> = corrected.data.iter().map(|z| f32::from(*z) * 0.5).collect();
-        let again = corrector.points_f32(&millimetres).unwrap();
+        let mut again = vec![[0.0; 3]; points.len()];
+        corrector.points_f32_into(&millimetres, PointsMut::Interleaved(again.as_flattened_mut())).unwrap();
         assert!(again.iter().zip(&points).all(|(a, b)| a.map(f32::to_bits) == b.map(f32::to_bits)));
     }
 }
@@ -339,7 +340,7 @@ fn every_model_has_tables_that_agree_with_the_camera() {
         }
         let mut steps = image(depths(400.0, 3500.0).map(|z| z as u16).collect());
         let before = steps.clone();
-        corrector.correct_u16_in_place(&mut steps, 1.0, &context).unwrap();
+        corrector.correct_u16_buffer_in_place(&mut steps.data, 1.0, &context).unwrap();
         let breathes = names.contains(&"focus_breathing");
         for index in (0..measured.len()).step_by(3) {
             let expected = reference(&camera, &context, index, f64::from(before.data[index]));

@@ -98,7 +98,7 @@ fn sixteen_bits_are_the_exact_inverse_rounded() {
         // A result within rounding of a limit may or may not count as beyond it.
         prop_assert!(summary.saturated.abs_diff(expected.saturated) <= 1);
         let mut in_place = measured;
-        prop_assert_eq!(corrector.correct_u16_in_place(&mut in_place, unit_mm, &context).unwrap(), summary);
+        prop_assert_eq!(corrector.correct_u16_buffer_in_place(&mut in_place.data, unit_mm, &context).unwrap(), summary);
         prop_assert_eq!(in_place, out);
         Ok(())
     });
@@ -178,7 +178,7 @@ fn what_is_no_measurement_becomes_nothing_and_changes_nothing_else() {
             prop_assert!(as_expected, "pixel {}: {}, not {}", i, with_holes, without);
         }
         let mut in_place = holes.clone();
-        prop_assert_eq!(corrector.correct_u16_in_place(&mut in_place, unit_mm, &context).unwrap(), summary);
+        prop_assert_eq!(corrector.correct_u16_buffer_in_place(&mut in_place.data, unit_mm, &context).unwrap(), summary);
         prop_assert_eq!(&in_place, &out);
 
         let (mut expected, mut out) = (vec![7.0f32; n], vec![7.0f32; n]);

@@ -88,7 +88,7 @@ fn frames_are_corrected_as_the_model_has_it() {
         assert!(largest > 4.0, "{spec}: {largest}");
         // In place, from mm and as points the same.
         let mut in_place = depth.clone();
-        corrector.correct_u16_in_place(&mut in_place, 1.0, &context).unwrap();
+        corrector.correct_u16_buffer_in_place(&mut in_place.data, 1.0, &context).unwrap();
         assert_eq!(in_place, steps);
         let mut from_mm: Vec<f32> = depth.data.iter().map(|d| f32::from(*d)).collect();
         from_mm.iter_mut().filter(|d| **d == 65_535.0).for_each(|d| *d = 0.0);

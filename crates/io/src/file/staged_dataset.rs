@@ -127,16 +127,10 @@ fn found(removed: io::Result<()>) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::write::tests::names;
     use super::*;
 
     const LAST: &str = "dataset.toml";
-
-    fn names(folder: &Path) -> Vec<String> {
-        let mut names: Vec<_> =
-            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    }
 
     fn fill(staged: &StagedDataset) {
         for part in ["depth", "image"] {

@@ -109,14 +109,8 @@ fn sweep(folder: &Path) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::write::tests::names;
     use super::*;
-
-    fn names(folder: &Path) -> Vec<String> {
-        let mut names: Vec<_> =
-            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    }
 
     #[test]
     fn what_the_dead_left_is_removed_and_what_the_living_use_stays() {

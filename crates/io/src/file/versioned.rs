@@ -34,6 +34,8 @@ pub(crate) trait Versioned: Serialize + DeserializeOwned {
     const VERSION: u32;
     /// The oldest version that is still read.
     const OLDEST: u32 = Self::VERSION;
+    /// Whether the file has no white space, as large ones do.
+    const COMPACT: bool = false;
 
     /// The version that is written: the oldest that has all that these contents have.
     fn version(&self) -> u32 {
@@ -83,13 +85,13 @@ pub(crate) fn parse_versioned<T: Versioned>(path: &Path, text: &[u8]) -> Result<
     Ok(body)
 }
 
-/// Checks the contents and writes them with format and version, atomically; without white space where `compact`.
-pub(crate) fn write_versioned<T: Versioned>(path: &Path, body: &T, compact: bool) -> Result<(), FileError> {
+/// Checks the contents and writes them with format and version, atomically.
+pub(crate) fn write_versioned<T: Versioned>(path: &Path, body: &T) -> Result<(), FileError> {
     // First, since NaN would pass the checks of ranges.
     if let Some(field) = not_finite(body) {
         return Err(FileError::NotFinite { path: path.to_owned(), field });
     }
     body.check().map_err(|fault| fault.in_file(path))?;
     let envelope = Envelope { format: T::FORMAT, version: body.version(), body };
-    if compact { write_json_compact(path, &envelope) } else { write_json(path, &envelope) }
+    if T::COMPACT { write_json_compact(path, &envelope) } else { write_json(path, &envelope) }
 }

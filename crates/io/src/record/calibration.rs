@@ -4,7 +4,6 @@ use std::io;
 use std::path::Path;
 
 use depthcal_model::Target;
-use depthcal_model::hook::HookKind;
 use serde::{Deserialize, Serialize};
 
 use super::board::check_board;
@@ -14,6 +13,7 @@ use super::findings::DiagnosisDeclaration;
 use super::lens_comparison::LensComparison;
 use super::prior::PriorUse;
 use super::reference::FileReference;
+use super::result_file::result_file;
 use crate::dataset::FrameMetadata;
 use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
@@ -42,6 +42,8 @@ pub struct Calibration {
     /// The observations that were fitted, where they were kept.
     pub observations: Option<FileReference>,
 }
+
+result_file!(Calibration, "calibration.json", read_versioned, write_versioned);
 
 /// Covariance of the free parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -115,30 +117,6 @@ pub struct FrameRecord {
 }
 
 impl Calibration {
-    /// Reads a calibration.
-    ///
-    /// # Errors
-    /// [`FileError`] with file and field: another format or version, a missing field, a number out of its range.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::read_file(path.as_ref())
-    }
-
-    fn read_file(path: &Path) -> Result<Self, FileError> {
-        read_versioned(path)
-    }
-
-    /// Writes the calibration atomically; every number reads back with the same bits.
-    ///
-    /// # Errors
-    /// [`FileError::NotFinite`] or [`FileError::Invalid`] with the field, [`FileError::Write`]; nothing is written.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        self.write_file(path.as_ref())
-    }
-
-    fn write_file(&self, path: &Path) -> Result<(), FileError> {
-        write_versioned(path, self, false)
-    }
-
     /// Checks, before an evaluation is written into a folder, that the folder has no calibration other than the one that was
     /// evaluated: the evaluation and report of that one would be replaced, and the new ones be taken for its own. `evaluated` is
     /// `None` for a camera file of another program, and `name` is what the message calls the evaluated one.
@@ -173,11 +151,6 @@ impl Calibration {
     /// The piece called `name`.
     pub fn piece(&self, name: &str) -> Option<&PieceRecord> {
         self.camera.piece(name)
-    }
-
-    /// The pieces that act at `hook`, in chain order.
-    pub fn pieces_at(&self, hook: HookKind) -> impl Iterator<Item = &PieceRecord> {
-        self.camera.pieces.iter().filter(move |piece| piece.hook == hook)
     }
 
     /// Value of a parameter of the piece called `piece`.

@@ -162,21 +162,6 @@ impl PieceRecord {
     pub fn value(&self, name: &str) -> Option<f64> {
         self.parameter(name).map(|parameter| parameter.value)
     }
-
-    /// Values of all parameters, in order.
-    pub fn values(&self) -> Vec<f64> {
-        self.parameters.iter().map(|parameter| parameter.value).collect()
-    }
-}
-
-impl NoiseRecord {
-    /// Standard deviation of inverse depth, 1/mm, at inverse depth `rho`, 1/mm; `None` where there is no depth noise.
-    pub fn inverse_depth_sigma(&self, rho: f64) -> Option<f64> {
-        match (self.inverse_depth_sigma_a, self.inverse_depth_sigma_b) {
-            (None, None) => None,
-            (a, b) => Some(a.unwrap_or(0.0).hypot(b.unwrap_or(0.0) * rho * rho)),
-        }
-    }
 }
 
 impl NoiseRecord {

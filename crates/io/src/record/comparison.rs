@@ -1,12 +1,11 @@
 //! `comparison.json`: depth models compared on held-out data.
 
-use std::path::Path;
-
 use depthcal_model::ModelSpec;
 use serde::{Deserialize, Serialize};
 
 use super::evaluation::DatasetEvaluation;
-use crate::file::{FileError, read_json, write_json};
+use super::result_file::result_file;
+use crate::file::{read_json, write_json};
 
 /// Depth models compared on held-out data.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -31,6 +30,8 @@ pub struct Comparison {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stability: Option<StabilityRecord>,
 }
+
+result_file!(Comparison, "comparison.json", read_json, write_json);
 
 /// The errors of one model.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -163,30 +164,6 @@ pub struct StabilityEstimate {
 }
 
 impl Comparison {
-    /// Reads a comparison.
-    ///
-    /// # Errors
-    /// [`FileError::Read`], or [`FileError::Json`] with file and field.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::read_file(path.as_ref())
-    }
-
-    fn read_file(path: &Path) -> Result<Self, FileError> {
-        read_json(path)
-    }
-
-    /// Writes the comparison atomically.
-    ///
-    /// # Errors
-    /// [`FileError::NotFinite`] with the field, [`FileError::Write`].
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        self.write_file(path.as_ref())
-    }
-
-    fn write_file(&self, path: &Path) -> Result<(), FileError> {
-        write_json(path, self)
-    }
-
     /// The entry of a model.
     pub fn model(&self, name: &str) -> Option<&ModelComparison> {
         self.models.iter().find(|m| m.model.to_string() == name)

@@ -10,6 +10,7 @@ use super::camera_diagnosis::{CameraDiagnosis, GainInterval, Verdict};
 use super::evaluation::Evaluation;
 use super::extrinsics::DriftRecord;
 use super::reference::FileReference;
+use super::result_file::result_file;
 use crate::dataset::CAMERA;
 use crate::file::{FileError, read_json, write_json};
 
@@ -28,6 +29,8 @@ pub struct Diagnosis {
     /// Of a rig, what concerns its cameras together.
     pub rig: Option<RigFindings>,
 }
+
+result_file!(Diagnosis, "diagnosis.json", read, write_json);
 
 /// Findings on the cameras of a rig together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -128,34 +131,12 @@ struct Form {
     cameras: Option<IgnoredAny>,
 }
 
-impl Diagnosis {
-    /// Reads `diagnosis.json`.
-    ///
-    /// # Errors
-    /// [`FileError`], naming file and field.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::read_file(path.as_ref())
+fn read(path: &Path) -> Result<Diagnosis, FileError> {
+    if read_json::<Form>(path)?.cameras.is_none() {
+        return read_json::<CameraDiagnosis>(path).map(Diagnosis::from);
     }
-
-    fn read_file(path: &Path) -> Result<Self, FileError> {
-        if read_json::<Form>(path)?.cameras.is_none() {
-            return read_json::<CameraDiagnosis>(path).map(Self::from);
-        }
-        let RigDiagnosis { dataset, verdict, cameras, findings } = read_json(path)?;
-        Ok(Self { dataset, verdict, cameras, rig: Some(findings) })
-    }
-
-    /// Writes `diagnosis.json`.
-    ///
-    /// # Errors
-    /// [`FileError`], naming the file.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        self.write_file(path.as_ref())
-    }
-
-    fn write_file(&self, path: &Path) -> Result<(), FileError> {
-        write_json(path, self)
-    }
+    let RigDiagnosis { dataset, verdict, cameras, findings } = read_json(path)?;
+    Ok(Diagnosis { dataset, verdict, cameras, rig: Some(findings) })
 }
 
 impl From<CameraDiagnosis> for Diagnosis {

@@ -1,10 +1,9 @@
 //! `diff.json`: how far two calibrations are apart, against both uncertainties.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 
-use crate::file::{FileError, read_json, write_json};
+use super::result_file::result_file;
+use crate::file::{read_json, write_json};
 
 /// Result of `depthcal diff`: differences are second minus first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -24,6 +23,8 @@ pub struct Difference {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_compared: Vec<String>,
 }
+
+result_file!(Difference, "diff.json", read_json, write_json);
 
 /// A camera of both calibrations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -166,32 +167,6 @@ pub struct ParameterDifference {
     /// Standard deviation of the difference; absent where neither calibration has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub std_dev: Option<f64>,
-}
-
-impl Difference {
-    /// Reads `diff.json`.
-    ///
-    /// # Errors
-    /// [`FileError`], naming file and field.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::read_file(path.as_ref())
-    }
-
-    fn read_file(path: &Path) -> Result<Self, FileError> {
-        read_json(path)
-    }
-
-    /// Writes `diff.json`.
-    ///
-    /// # Errors
-    /// [`FileError`], naming the file.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        self.write_file(path.as_ref())
-    }
-
-    fn write_file(&self, path: &Path) -> Result<(), FileError> {
-        write_json(path, self)
-    }
 }
 
 impl CameraDifference {

@@ -1,10 +1,9 @@
 //! `evaluation.json`: errors of a calibration on datasets, before and after correction.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 
-use crate::file::{FileError, read_json, write_json};
+use super::result_file::result_file;
+use crate::file::{read_json, write_json};
 
 /// Errors of one calibration on several datasets.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -15,6 +14,8 @@ pub struct Evaluation {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub transfer: Vec<TransferError>,
 }
+
+result_file!(Evaluation, "evaluation.json", read_json, write_json);
 
 /// Markers that one camera sees, taken through its corrected depth into another camera's image, against where that camera sees
 /// them.
@@ -146,30 +147,6 @@ pub struct Rms {
 }
 
 impl Evaluation {
-    /// Reads an evaluation.
-    ///
-    /// # Errors
-    /// [`FileError::Read`], or [`FileError::Json`] with file and field.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::read_file(path.as_ref())
-    }
-
-    fn read_file(path: &Path) -> Result<Self, FileError> {
-        read_json(path)
-    }
-
-    /// Writes the evaluation atomically.
-    ///
-    /// # Errors
-    /// [`FileError::NotFinite`] with the field, [`FileError::Write`].
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        self.write_file(path.as_ref())
-    }
-
-    fn write_file(&self, path: &Path) -> Result<(), FileError> {
-        write_json(path, self)
-    }
-
     /// The entry of the dataset called `name`.
     pub fn dataset(&self, name: &str) -> Option<&DatasetEvaluation> {
         self.datasets.iter().find(|dataset| dataset.name == name)

@@ -1,10 +1,9 @@
 //! `fleet.json`: what the calibrations of one camera type say together.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 
-use crate::file::{FileError, read_json, write_json};
+use super::result_file::result_file;
+use crate::file::{read_json, write_json};
 
 /// Result of `depthcal fleet`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -31,6 +30,8 @@ pub struct Fleet {
     /// Effects in the units' models, formulas included, compared between the units that have them.
     pub replications: Vec<FleetReplication>,
 }
+
+result_file!(Fleet, "fleet.json", read_json, write_json);
 
 /// A unit of a fleet.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -212,30 +213,4 @@ pub struct FleetReplication {
     pub p_value: Option<f64>,
     /// Whether the other units confirm sign and size.
     pub confirmed: bool,
-}
-
-impl Fleet {
-    /// Reads `fleet.json`.
-    ///
-    /// # Errors
-    /// [`FileError`], naming file and field.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::read_file(path.as_ref())
-    }
-
-    fn read_file(path: &Path) -> Result<Self, FileError> {
-        read_json(path)
-    }
-
-    /// Writes `fleet.json`.
-    ///
-    /// # Errors
-    /// [`FileError`], naming the file.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        self.write_file(path.as_ref())
-    }
-
-    fn write_file(&self, path: &Path) -> Result<(), FileError> {
-        write_json(path, self)
-    }
 }

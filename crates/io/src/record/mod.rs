@@ -21,6 +21,7 @@ mod options;
 mod prior;
 mod pure_error;
 mod reference;
+mod result_file;
 mod scores;
 mod searched;
 

@@ -1,15 +1,15 @@
 //! `observations.json`: the measurements in every frame, as the cache of a detection and the record of a fit.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use depthcal_model::Target;
 use serde::{Deserialize, Serialize};
 
 use super::board::check_board;
 use super::reference::FileReference;
+use super::result_file::result_file;
 use crate::dataset::FrameMetadata;
-use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
+use crate::file::{Fault, Versioned, read_versioned, write_versioned};
 
 /// Markers and depth samples of a dataset's frames.
 ///
@@ -27,6 +27,8 @@ pub struct Observations {
     /// The frames, in the dataset's order; a frame whose board was not found has no markers.
     pub frames: Vec<FrameObservations>,
 }
+
+result_file!(Observations, "observations.json", read_versioned, write_versioned);
 
 /// The measurements in one frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -72,30 +74,6 @@ pub struct DepthSample {
 }
 
 impl Observations {
-    /// Reads observations.
-    ///
-    /// # Errors
-    /// [`FileError`] with file and field: another format or version, a missing field, a number out of its range.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::read_file(path.as_ref())
-    }
-
-    fn read_file(path: &Path) -> Result<Self, FileError> {
-        read_versioned(path)
-    }
-
-    /// Writes the observations atomically and compactly.
-    ///
-    /// # Errors
-    /// [`FileError::NotFinite`] or [`FileError::Invalid`] with the field, [`FileError::Write`]; nothing is written.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        self.write_file(path.as_ref())
-    }
-
-    fn write_file(&self, path: &Path) -> Result<(), FileError> {
-        write_versioned(path, self, true)
-    }
-
     /// The frame called `name`.
     pub fn frame(&self, name: &str) -> Option<&FrameObservations> {
         self.frames.iter().find(|frame| frame.name == name)
@@ -105,6 +83,7 @@ impl Observations {
 impl Versioned for Observations {
     const FORMAT: &'static str = "depthcal-observations";
     const VERSION: u32 = 1;
+    const COMPACT: bool = true;
 
     fn check(&self) -> Result<(), Fault> {
         check_board(&self.target, "target")?;

@@ -1,10 +1,9 @@
 //! `prior.json`: what the units of a fleet say of the next one.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 
-use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
+use super::result_file::result_file;
+use crate::file::{Fault, Versioned, read_versioned, write_versioned};
 
 /// A normal prior of a camera's parameters, from other units of its type (empirical Bayes).
 ///
@@ -32,6 +31,8 @@ pub struct Prior {
     pub covariance: Vec<Vec<f64>>,
 }
 
+result_file!(Prior, "prior.json", read_versioned, write_versioned);
+
 /// How a calibration used a prior.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PriorUse {
@@ -56,32 +57,6 @@ pub struct UsedPriorParameter {
     pub std_dev: f64,
     /// Share of the information on the parameter that comes from this unit's own data: 1 − (σ after / σ of the prior)².
     pub own_share: f64,
-}
-
-impl Prior {
-    /// Reads a prior.
-    ///
-    /// # Errors
-    /// [`FileError`] with file and field.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::read_file(path.as_ref())
-    }
-
-    fn read_file(path: &Path) -> Result<Self, FileError> {
-        read_versioned(path)
-    }
-
-    /// Writes a prior atomically.
-    ///
-    /// # Errors
-    /// [`FileError`]; nothing is written.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        self.write_file(path.as_ref())
-    }
-
-    fn write_file(&self, path: &Path) -> Result<(), FileError> {
-        write_versioned(path, self, false)
-    }
 }
 
 impl Versioned for Prior {

@@ -1,14 +1,14 @@
 //! `scores.json`: what a calibration's observations say of the effects that its model lacks.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use depthcal_model::FormulaDefinition;
 use serde::{Deserialize, Serialize};
 
 use super::options::{self, OptionValue};
 use super::reference::FileReference;
-use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
+use super::result_file::result_file;
+use crate::file::{Fault, Versioned, read_versioned, write_versioned};
 
 /// Scores of the effects that the model of a calibration lacks, for pooling over the units of a fleet.
 ///
@@ -32,6 +32,8 @@ pub struct Scores {
     /// Change of the fitted parameters per unit of an effect's parameter: one row per entry of `model`.
     pub response: Vec<Vec<f64>>,
 }
+
+result_file!(Scores, "scores.json", read_versioned, write_versioned);
 
 /// A fitted parameter and its value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -78,30 +80,6 @@ pub struct ScoredParameter {
 }
 
 impl Scores {
-    /// Reads scores.
-    ///
-    /// # Errors
-    /// [`FileError`] with file and field.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        Self::read_file(path.as_ref())
-    }
-
-    fn read_file(path: &Path) -> Result<Self, FileError> {
-        read_versioned(path)
-    }
-
-    /// Writes scores atomically.
-    ///
-    /// # Errors
-    /// [`FileError`]; nothing is written.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        self.write_file(path.as_ref())
-    }
-
-    fn write_file(&self, path: &Path) -> Result<(), FileError> {
-        write_versioned(path, self, true)
-    }
-
     /// Places of an effect's parameters among rows and columns, by its number.
     pub fn places(&self, effect: usize) -> std::ops::Range<usize> {
         let first = self.effects[..effect].iter().map(|e| e.parameters.len()).sum();
@@ -112,6 +90,7 @@ impl Scores {
 impl Versioned for Scores {
     const FORMAT: &'static str = "depthcal-scores";
     const VERSION: u32 = 1;
+    const COMPACT: bool = true;
 
     fn check(&self) -> Result<(), Fault> {
         let n: usize = self.effects.iter().map(|e| e.parameters.len()).sum();

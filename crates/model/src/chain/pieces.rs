@@ -61,11 +61,6 @@ impl Chain {
         self.pinhole_offset + PINHOLE
     }
 
-    /// Where the pinhole's parameters begin in `theta`.
-    pub fn pinhole_offset(&self) -> usize {
-        self.pinhole_offset
-    }
-
     /// The pieces in chain order with the place of their first parameter in `theta`.
     pub fn pieces(&self) -> impl Iterator<Item = (&Arc<dyn AnyPiece>, usize)> {
         [&self.board, &self.lens, &self.pixel, &self.depth].into_iter().flatten().map(|l| (&l.piece, l.offset))

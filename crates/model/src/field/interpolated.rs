@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::grid::layout::FieldLayout;
 use crate::grid::nodes::{Domain, Grid, MAX_NODES};
 use crate::hook::{Depth, HookKind};
-use crate::piece::{AnyPiece, Constant, Context, Covariate, Erased, Options, Parameter, Piece, Role};
+use crate::piece::{AnyPiece, Constant, Context, Erased, Options, Parameter, Piece, Role};
 
 /// Scalars of the state at the depth hook.
 const IN: usize = 4;
@@ -120,24 +120,12 @@ impl<M: Piece<Depth, P>, const P: usize> AnyPiece for Field<M, P> {
         M::NAME
     }
 
-    fn title(&self) -> Cow<'static, str> {
-        self.local.title()
-    }
-
-    fn summary(&self) -> &'static str {
-        M::SUMMARY
-    }
-
-    fn equation(&self) -> &'static str {
-        M::EQUATION
+    fn described_by(&self) -> Option<&dyn AnyPiece> {
+        Some(&*self.local)
     }
 
     fn source(&self) -> &'static str {
         M::SOURCE
-    }
-
-    fn confounded(&self) -> Option<&'static str> {
-        M::CONFOUNDED
     }
 
     fn hook(&self) -> HookKind {
@@ -146,14 +134,6 @@ impl<M: Piece<Depth, P>, const P: usize> AnyPiece for Field<M, P> {
 
     fn role(&self) -> Role {
         Role::Map
-    }
-
-    fn needs(&self) -> &'static [Covariate] {
-        M::NEEDS
-    }
-
-    fn is_offset_map(&self) -> bool {
-        M::OFFSET_MAP
     }
 
     fn parameters(&self) -> &[Parameter] {

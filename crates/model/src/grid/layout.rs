@@ -30,11 +30,6 @@ impl FieldLayout {
         self.grid.columns_and_rows() * self.per_node() + self.shared
     }
 
-    /// Parameters that the pixels of one cell depend on.
-    pub fn cell_parameter_count(&self) -> usize {
-        self.grid.interpolation.order().pow(2) * self.per_node() + self.shared
-    }
-
     /// First parameters of the nodes of the cell whose first node is given, row by row.
     pub fn cell_nodes(&self, [column, row]: [usize; 2]) -> impl Iterator<Item = usize> {
         let (order, layout) = (self.grid.interpolation.order(), *self);
@@ -75,10 +70,9 @@ mod tests {
     #[test]
     fn parameters_are_counted_and_numbered_node_by_node() {
         let layout = FieldLayout { grid: Grid::linear(5, 4, 3), fields: 2, shared: 1 };
-        assert_eq!((layout.per_node(), layout.node(2, 3), layout.cell_parameter_count()), (6, 17 * 6, 4 * 6 + 1));
+        assert_eq!((layout.per_node(), layout.node(2, 3)), (6, 17 * 6));
         assert_eq!(layout.cell_nodes([2, 1]).collect::<Vec<_>>(), [7, 8, 12, 13].map(|node| 6 * node));
         let cubic = FieldLayout { grid: Grid::cubic(6, 5), fields: 1, shared: 0 };
-        assert_eq!(cubic.cell_parameter_count(), 16);
         assert_eq!(cubic.cell_nodes([1, 1]).nth(4), Some(2 * 6 + 1));
     }
 }

@@ -22,23 +22,27 @@ use crate::technology::Technology;
 pub trait AnyPiece: fmt::Debug + Send + Sync {
     /// [`Piece::NAME`](super::Piece::NAME).
     fn name(&self) -> &'static str;
+    /// The piece whose description this one has, where it is that piece in another form.
+    fn described_by(&self) -> Option<&dyn AnyPiece> {
+        None
+    }
     /// Its name in print: [`Piece::TITLE`](super::Piece::TITLE), else the name with spaces.
     fn title(&self) -> Cow<'static, str> {
-        Cow::Owned(self.name().replace('_', " "))
+        self.described_by().map_or_else(|| Cow::Owned(self.name().replace('_', " ")), AnyPiece::title)
     }
     /// [`Piece::SUMMARY`](super::Piece::SUMMARY); empty where it has none.
     fn summary(&self) -> &'static str {
-        ""
+        self.described_by().map_or("", AnyPiece::summary)
     }
     /// [`Piece::EQUATION`](super::Piece::EQUATION); empty where it has none.
     fn equation(&self) -> &'static str {
-        ""
+        self.described_by().map_or("", AnyPiece::equation)
     }
     /// [`Piece::SOURCE`](super::Piece::SOURCE).
     fn source(&self) -> &'static str;
     /// [`Piece::CONFOUNDED`](super::Piece::CONFOUNDED).
     fn confounded(&self) -> Option<&'static str> {
-        None
+        self.described_by()?.confounded()
     }
     /// Where it acts.
     fn hook(&self) -> HookKind;
@@ -46,25 +50,27 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     fn parameters(&self) -> &[Parameter];
     /// [`Piece::CONSTANTS`](super::Piece::CONSTANTS), and those of its grid for a field.
     fn constants(&self) -> Vec<Constant> {
-        Vec::new()
+        self.described_by().map_or_else(Vec::new, AnyPiece::constants)
     }
     /// Values of its constants by name.
-    fn options(&self) -> Options;
+    fn options(&self) -> Options {
+        self.described_by().map_or_else(Options::new, AnyPiece::options)
+    }
     /// [`Piece::NEEDS`](super::Piece::NEEDS).
     fn needs(&self) -> &'static [Covariate] {
-        &[]
+        self.described_by().map_or(&[], AnyPiece::needs)
     }
     /// [`Piece::TECHNOLOGIES`](super::Piece::TECHNOLOGIES).
     fn technologies(&self) -> &'static [Technology] {
-        &[]
+        self.described_by().map_or(&[], AnyPiece::technologies)
     }
     /// [`Piece::ROLE`](super::Piece::ROLE).
     fn role(&self) -> Role {
-        Role::Effect
+        self.described_by().map_or(Role::Effect, AnyPiece::role)
     }
     /// [`Piece::OFFSET_MAP`](super::Piece::OFFSET_MAP).
     fn is_offset_map(&self) -> bool {
-        false
+        self.described_by().is_some_and(AnyPiece::is_offset_map)
     }
     /// [`Piece::ACTS_FIRST`](super::Piece::ACTS_FIRST).
     fn acts_first(&self) -> bool {
@@ -72,15 +78,15 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     }
     /// [`Piece::FORM`](super::Piece::FORM): the form of its equation, wherever it is placed.
     fn form(&self) -> On {
-        On::Depth
+        self.described_by().map_or(On::Depth, AnyPiece::form)
     }
     /// Its definition, for a piece that is given as a formula; files carry it whole.
     fn formula(&self) -> Option<&FormulaDefinition> {
-        None
+        self.described_by()?.formula()
     }
     /// Its parameters that are values of smooth functions.
     fn smooth(&self) -> &[SmoothParameters] {
-        &[]
+        self.described_by().map_or(&[], AnyPiece::smooth)
     }
     /// Where it acts on depth, and how.
     fn placement(&self) -> Placement {

@@ -1,20 +1,13 @@
 //! An effect of depth in another place or form than its equation's.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::any::AnyPiece;
-use super::constant::{Constant, Options};
 use super::context::Context;
-use super::covariate::Covariate;
 use super::erased::identity;
-use super::formula::FormulaDefinition;
 use super::parameter::Parameter;
-use super::placement::{On, Placement};
-use super::role::Role;
-use super::smooth::SmoothParameters;
+use super::placement::Placement;
 use crate::hook::HookKind;
-use crate::technology::Technology;
 
 /// A piece of depth whose shape acts in the form of `placement`. The order of the chain has its place
 /// ([`AnyPiece::placement`]): within the chain it is a map of the state that is handed to it, like any piece.
@@ -47,50 +40,17 @@ impl AnyPiece for Placed {
     fn name(&self) -> &'static str {
         self.piece.name()
     }
-    fn title(&self) -> Cow<'static, str> {
-        self.piece.title()
-    }
-    fn summary(&self) -> &'static str {
-        self.piece.summary()
-    }
-    fn equation(&self) -> &'static str {
-        self.piece.equation()
+    fn described_by(&self) -> Option<&dyn AnyPiece> {
+        Some(&*self.piece)
     }
     fn source(&self) -> &'static str {
         self.piece.source()
-    }
-    fn confounded(&self) -> Option<&'static str> {
-        self.piece.confounded()
     }
     fn hook(&self) -> HookKind {
         HookKind::Depth
     }
     fn parameters(&self) -> &[Parameter] {
         self.piece.parameters()
-    }
-    fn constants(&self) -> Vec<Constant> {
-        self.piece.constants()
-    }
-    fn options(&self) -> Options {
-        self.piece.options()
-    }
-    fn needs(&self) -> &'static [Covariate] {
-        self.piece.needs()
-    }
-    fn technologies(&self) -> &'static [Technology] {
-        self.piece.technologies()
-    }
-    fn role(&self) -> Role {
-        self.piece.role()
-    }
-    fn form(&self) -> On {
-        self.piece.form()
-    }
-    fn formula(&self) -> Option<&FormulaDefinition> {
-        self.piece.formula()
-    }
-    fn smooth(&self) -> &[SmoothParameters] {
-        self.piece.smooth()
     }
     fn placement(&self) -> Placement {
         self.placement
@@ -153,7 +113,8 @@ impl AnyPiece for Placed {
 
 #[cfg(test)]
 mod tests {
-    use super::super::placement::{Of, REFERENCE_DEPTH_MM};
+    use super::super::placement::{Of, On, REFERENCE_DEPTH_MM};
+    use super::super::role::Role;
     use super::*;
     use crate::Register;
 

@@ -64,20 +64,9 @@ impl Support {
         within(column, 0) && within(row, 1) && self.cells[row as usize * self.grid[0] + column as usize]
     }
 
-    /// Whether a depth is within the range of the boards, or a little beyond.
-    pub fn holds_depth(&self, depth_mm: f64) -> bool {
-        let [near, far] = self.supported_mm();
-        depth_mm >= near && depth_mm <= far
-    }
-
     /// The range of the boards and a little beyond, mm.
     pub fn supported_mm(&self) -> [f64; 2] {
         [self.range_mm[0] * (1.0 - BEYOND), self.range_mm[1] * (1.0 + BEYOND)]
-    }
-
-    /// Share of the image in which boards were seen.
-    pub fn share_of_image(&self) -> f64 {
-        self.cells.iter().filter(|seen| **seen).count() as f64 / self.cells.len() as f64
     }
 
     /// Whether every pixel of the depth image of `camera` lies where boards were seen, row by row.
@@ -105,10 +94,10 @@ mod tests {
         assert!(!support.holds_pixel([300.0, 260.0]) && !support.holds_pixel([450.0, 260.0]));
         assert!(!support.holds_pixel([-1.0, 260.0]) && !support.holds_pixel([370.0, 480.0]));
         assert_eq!(support.range_mm, [1000.0, 2000.0]);
-        assert!(support.holds_depth(1500.0) && !support.holds_depth(900.0) && !support.holds_depth(2200.0));
+        assert_eq!(support.supported_mm(), [950.0, 2100.0]);
         // Cells are 20 px: 5 or 6 by 3 of 32 by 24 hold the board's 100 × 50 px.
-        let share = support.share_of_image();
-        assert!(share > 12.0 / 768.0 && share < 22.0 / 768.0, "{share}");
+        let cells = support.cells.iter().filter(|seen| **seen).count();
+        assert!((13..22).contains(&cells), "{cells}");
         assert_eq!(Support::of_boards(&camera, rectangle, &[Isometry3::translation(0.0, 0.0, -500.0)]), None);
     }
 }

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::figure::{Figure, Variant};
-use super::plotly::{colour_bar, diverging, rounded};
+use super::plotly::{colour_bar, diverging, map_axes, rounded};
 use crate::format::{count, number};
 use crate::input::ReportCamera;
 use crate::input::ReportDiagnosis;
@@ -110,11 +110,7 @@ fn figures(labels: &[(String, String)], series: Vec<Series<'_>>) -> Vec<Figure> 
         before.max(after).max(1e-3)
     };
     let limits: Vec<f64> = series.iter().map(|s| limit(s.group)).collect();
-    let layout = json!({
-        "xaxis": {"title": {"text": "u / px"}, "constrain": "domain", "showgrid": false},
-        "yaxis": {"title": {"text": "v / px"}, "autorange": "reversed", "scaleanchor": "x",
-                  "constrain": "domain", "showgrid": false},
-    });
+    let layout = map_axes(["u / px", "v / px"]);
     let build = |(s, limit): (Series<'_>, f64)| {
         let decimals = (2.0 - limit.log10().floor()).clamp(0.0, 4.0) as i32;
         let trace = |r: &Option<(Raster, bool)>| {

@@ -70,6 +70,21 @@ pub(super) fn image_axes(image: &Image) -> Value {
     })
 }
 
+/// A grey band over the whole height of a plot.
+pub(super) fn band(from: f64, to: f64) -> Value {
+    json!({"type": "rect", "xref": "x", "yref": "paper", "x0": from, "x1": to, "y0": 0, "y1": 1, "line": {"width": 0},
+           "fillcolor": NEUTRAL, "opacity": 0.13, "layer": "below"})
+}
+
+/// Axes of a map whose rows run downwards.
+pub(super) fn map_axes([x, y]: [&str; 2]) -> Value {
+    json!({
+        "xaxis": {"title": {"text": x}, "constrain": "domain", "showgrid": false},
+        "yaxis": {"title": {"text": y}, "autorange": "reversed", "scaleanchor": "x", "constrain": "domain",
+                  "showgrid": false},
+    })
+}
+
 /// Blue (too near) over white to orange-red (too far), darker towards both ends: readable with all common kinds of colour
 /// blindness.
 pub(super) fn diverging() -> Value {

@@ -1,10 +1,11 @@
 //! The boards in space.
 
+use depthcal_model::Camera;
 use nalgebra::{Isometry3, Point3};
 use serde_json::{Value, json};
 
 use super::figure::Figure;
-use super::plotly::{AFTER, NEUTRAL, OTHER, plain, rounded};
+use super::plotly::{AFTER, BEFORE, NEUTRAL, OTHER, plain, rounded};
 use crate::format::{count, number};
 use crate::input::{ReportCamera, Role};
 use crate::pool::Pool;
@@ -76,7 +77,7 @@ pub(crate) fn poses(camera: &ReportCamera<'_>) -> Option<Figure> {
         }));
     }
     if let Some(c) = camera.calibrated {
-        data.push(frustum(&c.camera, 0.22 * reach[1]));
+        data.push(frustum(&c.camera, |p| p, 0.22 * reach[1], ["camera", BEFORE], 0));
     }
     let axis = |title: &str| json!({"title": {"text": title}, "nticks": 6});
     let layout = json!({
@@ -101,21 +102,28 @@ pub(crate) fn poses(camera: &ReportCamera<'_>) -> Option<Figure> {
     )
 }
 
-fn frustum(camera: &depthcal_model::Camera, depth: f64) -> Value {
+/// The pyramid of a camera's field of view as deep as `depth`, mm; `in_space` takes points of the camera to those of the drawing,
+/// which has so many decimals.
+pub(super) fn frustum(
+    camera: &Camera,
+    in_space: impl Fn([f64; 3]) -> [f64; 3],
+    depth: f64,
+    [name, colour]: [&str; 2],
+    decimals: i32,
+) -> Value {
     let (w, h) = (camera.width as f64 - 1.0, camera.height as f64 - 1.0);
     let [fx, fy, cx, cy, _] = camera.pinhole();
     let corner = |u: f64, v: f64| {
         // Where the lens cannot be inverted the pinhole alone is good enough for a drawing.
         let [x, y] = camera.ray([u, v], 1.0 / depth).unwrap_or([(u - cx) / fx, (v - cy) / fy]);
-        [x * depth, y * depth, depth]
+        in_space([x * depth, y * depth, depth])
     };
     let c = [corner(0.0, 0.0), corner(w, 0.0), corner(w, h), corner(0.0, h)];
-    let o = [0.0; 3];
+    let o = in_space([0.0; 3]);
     let path = [o, c[0], c[1], o, c[2], c[1], c[2], c[3], o, c[0], c[3]];
-    let part = |i: usize, sign: f64| -> Value { path.iter().map(|p| rounded(sign * p[i], 0)).collect() };
+    let part = |i: usize, sign: f64| -> Value { path.iter().map(|p| rounded(sign * p[i], decimals)).collect() };
     json!({
-        "type": "scatter3d", "mode": "lines", "name": "camera", "x": part(0, 1.0), "y": part(2, 1.0), "z": part(1,
-         -1.0),
-        "line": {"color": super::plotly::BEFORE, "width": 4}, "hoverinfo": "name",
+        "type": "scatter3d", "mode": "lines", "name": name, "x": part(0, 1.0), "y": part(2, 1.0), "z": part(1, -1.0),
+        "line": {"color": colour, "width": 4}, "hoverinfo": "name",
     })
 }

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::figure::Figure;
 use super::plotly::{AFTER, BEFORE, NEUTRAL, OTHER, axis, plain, rounded, shorts};
+use super::poses::frustum;
 use crate::format::count;
 
 /// Colours of cameras, repeated where there are more.
@@ -36,7 +37,8 @@ pub(crate) fn rig_in_space(cameras: &[PlacedCamera], rig_from_board: &[Isometry3
         "connectgaps": false, "line": {"color": NEUTRAL, "width": 3}, "hoverinfo": "name",
     })];
     for (number, placed) in cameras.iter().enumerate() {
-        data.push(frustum(placed, 0.2 * far.max(100.0), COLOURS[number % COLOURS.len()]));
+        let (name, colour) = (plain(&placed.name), COLOURS[number % COLOURS.len()]);
+        data.push(frustum(&placed.camera, |p| placed.in_rig(p), 0.2 * far.max(100.0), [&name, colour], 1));
     }
     let side = |title: &str| json!({"title": {"text": title}, "nticks": 6});
     let layout = json!({
@@ -50,25 +52,6 @@ pub(crate) fn rig_in_space(cameras: &[PlacedCamera], rig_from_board: &[Isometry3
         .caption("Pyramids are the cameras' fields of view. Drag to turn.")
         .alt(format!("{} and the boards that they saw, drawn in space.", count(cameras.len(), "camera")))
         .aspect(1.35)
-}
-
-fn frustum(placed: &PlacedCamera, depth: f64, colour: &str) -> Value {
-    let camera = &placed.camera;
-    let (w, h) = (camera.width as f64 - 1.0, camera.height as f64 - 1.0);
-    let [fx, fy, cx, cy, _] = camera.pinhole();
-    let corner = |u: f64, v: f64| {
-        // Where the lens cannot be inverted the pinhole alone is good enough for a drawing.
-        let [x, y] = camera.ray([u, v], 1.0 / depth).unwrap_or([(u - cx) / fx, (v - cy) / fy]);
-        placed.in_rig([x * depth, y * depth, depth])
-    };
-    let c = [corner(0.0, 0.0), corner(w, 0.0), corner(w, h), corner(0.0, h)];
-    let o = placed.in_rig([0.0; 3]);
-    let path = [o, c[0], c[1], o, c[2], c[1], c[2], c[3], o, c[0], c[3]];
-    let part = |i: usize, sign: f64| -> Value { path.iter().map(|p| rounded(sign * p[i], 1)).collect() };
-    json!({
-        "type": "scatter3d", "mode": "lines", "name": plain(&placed.name), "x": part(0, 1.0), "y": part(2, 1.0),
-        "z": part(1, -1.0), "line": {"color": colour, "width": 4}, "hoverinfo": "name",
-    })
 }
 
 /// Transfer errors over the distance of the markers, one line per pair.

@@ -5,7 +5,7 @@ use depthcal_statistics::quantile;
 use serde_json::{Value, json};
 
 use super::figure::{Figure, Variant};
-use super::plotly::{AFTER, NEUTRAL, colour_bar, diverging, round_factor, rounded, sequential, short, shorts};
+use super::plotly::{AFTER, NEUTRAL, band, colour_bar, diverging, round_factor, rounded, sequential, short, shorts};
 use crate::format::{number, p_equals};
 
 const DIFFERS: &str = "#c43a57";
@@ -32,13 +32,9 @@ pub(crate) fn difference_by_distance(camera: &CameraDifference) -> Figure {
         }));
     }
     let ends = [camera.depth.first(), camera.depth.last()].map(|d| d.map_or(f64::NAN, |d| d.distance_mm));
-    let outside = |from: f64, to: f64| {
-        json!({"type": "rect", "xref": "x", "yref": "paper", "x0": from, "x1": to, "y0": 0, "y1": 1, "line": {"width": 0},
-               "fillcolor": NEUTRAL, "opacity": 0.13, "layer": "below"})
-    };
     let shapes: Vec<Value> = camera
         .covered_by_both_mm()
-        .map(|[near, far]| vec![outside(ends[0], near.max(ends[0])), outside(far.min(ends[1]), ends[1])])
+        .map(|[near, far]| vec![band(ends[0], near.max(ends[0])), band(far.min(ends[1]), ends[1])])
         .unwrap_or_default();
     let layout = json!({
         "xaxis": {"title": {"text": "measured depth / mm"}, "range": [short(ends[0]), short(ends[1])]},

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::figure::{Figure, Variant};
-use super::plotly::{AFTER, NEUTRAL, colour_bar, sequential, shorts};
+use super::plotly::{AFTER, NEUTRAL, band, colour_bar, map_axes, sequential, shorts};
 use crate::format::number;
 use crate::uncertainty::Uncertainty;
 use depthcal_calibration::calibrate::CalibratedCamera;
@@ -36,16 +36,11 @@ pub(crate) fn uncertainty_curves(c: &CalibratedCamera, u: &Uncertainty) -> Figur
         "hovertemplate": "%{x:.0f} mm: %{y:.2~g} mm<extra>noise of one pixel</extra>",
     }));
     let [near, far] = u.covered;
-    let outside = |from: f64, to: f64| {
-        json!({"type": "rect", "xref": "x", "yref": "paper", "x0": from, "x1": to, "y0": 0, "y1": 1, "line":
-        {"width": 0},
-               "fillcolor": NEUTRAL, "opacity": 0.13, "layer": "below"})
-    };
     let ends = [u.curve_at.first().copied().unwrap_or(near), u.curve_at.last().copied().unwrap_or(far)];
     let layout = json!({
         "xaxis": {"title": {"text": "distance / mm"}, "range": [ends[0], ends[1]]},
         "yaxis": {"title": {"text": "standard deviation / mm"}, "type": "log", "dtick": "D2"},
-        "shapes": [outside(ends[0], near), outside(far, ends[1])],
+        "shapes": [band(ends[0], near), band(far, ends[1])],
     });
     let std_dev = |curve: &[f64]| {
         let i = u.curve_at.iter().position(|z| *z >= u.distances[1]).unwrap_or(0);
@@ -90,11 +85,7 @@ pub(crate) fn uncertainty_map(c: &CalibratedCamera, u: &Uncertainty) -> Figure {
         "colorscale": sequential(), "colorbar": colour_bar("mm"), "hoverongaps": false,
         "hovertemplate": "(%{x:.0f}, %{y:.0f}): %{z:.2~g} mm<extra></extra>",
     });
-    let layout = json!({
-        "xaxis": {"title": {"text": "u / px"}, "constrain": "domain", "showgrid": false},
-        "yaxis": {"title": {"text": "v / px"}, "autorange": "reversed", "scaleanchor": "x", "constrain": "domain",
-                  "showgrid": false},
-    });
+    let layout = map_axes(["u / px", "v / px"]);
     let mut figure = Figure::new("uncertainty-map", "The same over the image", vec![data], layout)
         .caption(
             "Standard deviation of the correction for a flat wall at the chosen distance: near, median or far of the fitted \
@@ -134,11 +125,7 @@ pub(crate) fn projection_uncertainty(c: &CalibratedCamera) -> Option<Figure> {
         "colorscale": sequential(), "colorbar": colour_bar("px"), "hoverongaps": false,
         "hovertemplate": "(%{x:.0f}, %{y:.0f}): %{z:.2~g} px<extra></extra>",
     });
-    let layout = json!({
-        "xaxis": {"title": {"text": "u / px"}, "constrain": "domain", "showgrid": false},
-        "yaxis": {"title": {"text": "v / px"}, "autorange": "reversed", "scaleanchor": "x", "constrain": "domain",
-                  "showgrid": false},
-    });
+    let layout = map_axes(["u / px", "v / px"]);
     let told = format!(
         "{} px at least, {} px in the middle of all cells; 5 % are above {} px",
         number(low),

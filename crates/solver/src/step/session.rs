@@ -64,12 +64,6 @@ impl Session {
         &self.options
     }
 
-    /// The options of the next solution, to be changed. A change of `threads` has no effect once the session has started
-    /// threads.
-    pub fn options_mut(&mut self) -> &mut Options {
-        &mut self.options
-    }
-
     /// Number of orderings and symbolic factorisations made so far.
     pub fn symbolic_analyses(&self) -> usize {
         self.symbolic_analyses

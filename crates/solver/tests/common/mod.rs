@@ -1,11 +1,23 @@
 //! Problems that several tests solve.
 #![allow(dead_code)]
 
-use depthcal_solver::{Batch, Factor, Graph, Key, Loss, Noise, Over, Scalar, Values};
+use depthcal_solver::{Batch, Factor, Graph, Key, LinearSolver, Loss, Noise, Over, Preconditioner, Scalar, Values};
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+
+/// All linear solvers that may be asked for.
+pub const LINEAR_SOLVERS: [LinearSolver; 8] = [
+    LinearSolver::Auto,
+    LinearSolver::Dense,
+    LinearSolver::SparseCholesky,
+    LinearSolver::DenseSchur,
+    LinearSolver::SparseSchur,
+    LinearSolver::ConjugateGradients(Preconditioner::BlockJacobi),
+    LinearSolver::ConjugateGradients(Preconditioner::SchurJacobi),
+    LinearSolver::SparseQr,
+];
 
 pub fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)

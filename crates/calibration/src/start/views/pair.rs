@@ -45,9 +45,7 @@ pub enum Contradiction {
 pub struct RelativePose {
     /// Maps the first camera's frame to the second's, mm.
     pub second_from_first: Isometry3<f64>,
-    /// Error of every view in the second camera's image, px.
-    pub errors_px: Vec<f64>,
-    /// The median of them, px.
+    /// Median of the errors of the views in the second camera's image, px.
     pub median_px: f64,
     /// Views that contradict the others, with the reason.
     pub contradicting: Vec<(usize, Contradiction)>,
@@ -95,7 +93,7 @@ pub fn relative_pose(target: &Target, first: PairView<'_>, second: PairView<'_>)
     }
     let second_place = second_place(&views, &of_views, &contradicting, &second_from_first);
     let median_px = median(&errors);
-    Some(RelativePose { second_from_first, errors_px: errors, median_px, contradicting, second_place, mirrored })
+    Some(RelativePose { second_from_first, median_px, contradicting, second_place, mirrored })
 }
 
 /// The relative pose, of some views' own, under which the median view has the least error, and the errors of all views, px.

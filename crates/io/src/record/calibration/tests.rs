@@ -103,7 +103,6 @@ fn reads_back_what_was_written() {
     assert_eq!(round_trip(&example).unwrap(), example);
     assert_eq!(example.value("pinhole", "fx"), Some(476.9));
     assert_eq!(example.value("pinhole", "fz"), None);
-    assert_eq!(example.pieces_at(HookKind::Depth).count(), 1);
     assert_eq!(example.covariance.unwrap().get("pinhole.fy", "pinhole.fx"), Some(0.002));
 }
 
@@ -123,14 +122,6 @@ fn the_file_has_the_fields_of_the_contract() {
     assert_eq!(json["fit"]["frames_dropped"][0]["reason"], "board not found");
     assert_eq!(json["frames"][0]["metadata"]["timestamp_s"], 0.5);
     assert_eq!(json["target"]["kind"], "asymmetric-circles");
-}
-
-#[test]
-fn noise_of_depth_combines_both_parts() {
-    let noise = example().camera.noise;
-    let rho: f64 = 1e-3;
-    assert!((noise.inverse_depth_sigma(rho).unwrap() - 5e-6).abs() < 1e-18);
-    assert_eq!(NoiseRecord::default().inverse_depth_sigma(rho), None);
 }
 
 fn fault_of(change: impl FnOnce(&mut Calibration)) -> String {
