@@ -194,7 +194,7 @@ fn clouds_of_open3d() {
     let color = (0..1000).map(|i| [i as u8, (i / 4) as u8, 7]).collect();
     let cloud = depthcal_io::Cloud { points: points.clone(), intensity: None, color: Some(color) };
     depthcal_io::write_pcd(folder.join("a.pcd"), &cloud).unwrap();
-    depthcal_io::write_ply(folder.join("a.ply"), &cloud, depthcal_io::PlyFormat::Binary).unwrap();
+    depthcal_io::write_ply(folder.join("a.ply"), &cloud).unwrap();
     let code = "
 import sys, numpy as np, open3d as o
 for name in ['a.pcd', 'a.ply']:
