@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use depthcal_calibration::diagnose::effect_scores::effect_scores;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, DiagnosedCamera, Made, Results};
 use depthcal_report::{Detail, diagnosis_text, verdict_sentence};
@@ -144,6 +145,16 @@ impl Diagnosis {
             Some(camera) => json(&camera.evaluation()),
             None => json(&self.diagnosed.evaluation()),
         }
+    }
+
+    /// Scores of the effects that one camera's last model lacks as JSON, `scores.json`; `None` where none can be scored.
+    fn scores(&self, py: Python<'_>) -> PyResult<Option<String>> {
+        let several = || input(format!("the diagnosis is of several cameras, {}: take one", self.cameras().join(", ")));
+        let camera = self.only_camera().ok_or_else(several)?;
+        let reference = camera.loaded_camera().reference.clone();
+        let scores =
+            run(py, None, |_| effect_scores(&camera.diagnosis.last, &camera.register, reference).map_err(input))?;
+        scores.as_ref().map(json).transpose()
     }
 
     /// The report as HTML.
