@@ -96,15 +96,15 @@ pub(crate) struct ArrayBatch {
     /// Families of a residual's variables, in order.
     pub families: Vec<Family>,
     pub groups: Vec<Group>,
-    /// Called with arrays of all variables by family, and whether derivatives are wanted; returns whitened residuals (count, rows)
-    /// and derivatives (count, rows, columns) or None.
+    /// Called with arrays of all variables by family, and whether derivatives are wanted; returns whitened residuals (count,
+    /// rows) and derivatives (count, rows, columns) or None.
     pub function: Py<PyAny>,
     /// Notes Ctrl-C.
     pub progress: ProgressHandle,
     pub known: Mutex<Option<Known>>,
 }
 
-/// What an [`ArrayBatch`] is made of, but for its function.
+/// Parts of an [`ArrayBatch`] besides its function.
 pub(crate) struct Layout {
     pub name: String,
     pub rows: usize,

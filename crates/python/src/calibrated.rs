@@ -147,8 +147,8 @@ impl Calibration {
         }
     }
 
-    /// A camera with known numbers: fx, fy, cx, cy and skew (px), OpenCV's distortion coefficients or, with `is_fisheye`, the four
-    /// of its fisheye lens.
+    /// A camera with known numbers: fx, fy, cx, cy and skew (px), OpenCV's distortion coefficients or, with `is_fisheye`, the
+    /// four of its fisheye lens.
     #[staticmethod]
     fn known(size: [usize; 2], pinhole: [f64; 5], distortion: Vec<f64>, is_fisheye: bool) -> PyResult<Self> {
         let lens = match (distortion.as_slice(), is_fisheye) {

@@ -12,7 +12,8 @@ use crate::arguments::argument;
 use crate::dataset::Dataset;
 use crate::failure::{Failure, input};
 use crate::request::{base_options, json, model_request};
-use crate::running::run;
+use crate::running::{run, run_in};
+use crate::words::Words;
 use crate::written::{html, save};
 
 /// A comparison of depth models, on every camera of a dataset that has depth.
@@ -55,7 +56,7 @@ pub(crate) fn compare(
     }
     let train = train.loaded.clone();
     let verify: Vec<_> = verify.iter().map(|dataset| dataset.loaded.clone()).collect();
-    run(py, progress.as_ref(), move |progress| {
+    run_in(Words::for_dataset(&train), py, progress.as_ref(), move |progress| {
         let compared = request.compare(&train, &verify, base_options(&register, progress))?;
         if let Some(untrusted) = compared.iter().find(|compared| compared.is_untrusted()) {
             return Err(Failure::Untrusted(untrusted.record.verdict.join(" ")));

@@ -20,7 +20,8 @@ use crate::images::{depth_frame, gray_image};
 use crate::markers::{MarkerArrays, check_all, check_inside, count_without_numbers, markers_of};
 use crate::pickled;
 use crate::request::json;
-use crate::running::run;
+use crate::running::{run, run_in};
+use crate::words::Words;
 
 /// A dataset of one camera or of several with its markers.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -115,12 +116,12 @@ pub(crate) fn from_memory(
     }
     let hint = camera_hint(camera)?;
     let given = DatasetInMemory { name, target, size, depth_unit_mm: unit_mm, camera: hint, frames };
-    let loaded = run(py, None, move |_| load_from_memory(given).map_err(input))?;
+    let loaded = run_in(Words::Arrays, py, None, move |_| load_from_memory(given).map_err(input))?;
     Ok(Dataset { loaded: Arc::new(loaded) })
 }
 
-/// A dataset of several cameras from datasets of one each, the reference first, with `camera_from_rig` where it is known: the rows
-/// of (R | t).
+/// A dataset of several cameras from datasets of one each, the reference first, with `camera_from_rig` where it is known: the
+/// rows of (R | t).
 #[pyfunction]
 pub(crate) fn from_cameras(
     name: String,

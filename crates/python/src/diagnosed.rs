@@ -16,7 +16,8 @@ use crate::dataset::Dataset;
 use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{base_options, checked_folds, json, model_request};
-use crate::running::run;
+use crate::running::{run, run_in};
+use crate::words::Words;
 use crate::written::{html, save};
 
 /// The diagnosis of a dataset, or of one of its cameras.
@@ -45,7 +46,7 @@ pub(crate) fn diagnose(
     let request = DiagnoseRequest { model, folds, formulas: argument(options, "discovery")? };
     let loaded = dataset.loaded.clone();
     let verify = verify.map(|dataset| dataset.loaded.clone());
-    run(py, progress.as_ref(), move |progress| {
+    run_in(Words::for_dataset(&loaded), py, progress.as_ref(), move |progress| {
         let diagnosed = request.diagnose(&loaded, verify.as_deref(), base_options(&register, progress))?;
         let made = Made { command_line: call, stages: progress.stage_times() };
         Ok(Diagnosis { diagnosed: Arc::new(diagnosed), camera: None, made })

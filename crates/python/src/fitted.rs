@@ -15,7 +15,8 @@ use crate::calibrated::Calibration;
 use crate::dataset::Dataset;
 use crate::failure::input;
 use crate::request::{base_options, estimator_of, hold_out_of, json, model_request};
-use crate::running::run;
+use crate::running::{run, run_in};
+use crate::words::Words;
 use crate::written::{html, save};
 
 /// A fit with its errors.
@@ -62,7 +63,7 @@ pub(crate) fn calibrate(
         priors,
     };
     let loaded = dataset.loaded.clone();
-    run(py, progress.as_ref(), move |progress| {
+    run_in(Words::for_dataset(&loaded), py, progress.as_ref(), move |progress| {
         let fit = request.fit(&loaded, base_options(&register, progress))?;
         Ok(Fit { fit, made: Made { command_line: call, stages: progress.stage_times() } })
     })
@@ -85,8 +86,8 @@ impl Fit {
         prior_sentences(&self.fit.fitted.reference().calibrated)
     }
 
-    /// Scores of the effects that a camera's model lacks as JSON, `scores.json`; `None` where none can be scored. The camera is the
-    /// only one where none is named.
+    /// Scores of the effects that a camera's model lacks as JSON, `scores.json`; `None` where none can be scored. The camera is
+    /// the only one where none is named.
     fn scores(&self, py: Python<'_>, camera: Option<String>) -> PyResult<Option<String>> {
         let names = || self.fit.loaded.cameras.iter().map(LoadedCamera::name).collect::<Vec<_>>().join(", ");
         let named = |name: &str| self.fit.fitted.cameras.iter().find(|fitted| fitted.name == name);

@@ -22,8 +22,8 @@ enum GivenPairing {
     Word(String),
 }
 
-/// Imports frames of a recording as a dataset into the folder `out`; returns what was imported as JSON. `options` are `board` (JSON),
-/// `image`, `depth`, `frames`, `pair` and `skip_s`.
+/// Imports frames of a recording as a dataset into the folder `out`; returns what was imported as JSON. `options` are `board`
+/// (JSON), `image`, `depth`, `frames`, `pair` and `skip_s`.
 #[pyfunction]
 pub(crate) fn import_recording(
     py: Python<'_>,

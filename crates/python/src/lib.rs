@@ -13,8 +13,8 @@
 //! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;
 //! - `arrays`, `images`, `markers`, `units`: numpy arrays as the library takes them; `needed_inputs`: those that effects need;
 //! - `pickled`: datasets that travel to other processes;
-//! - `arguments`, `request`, `failure`, `warned`, `running`, `unwound`, `threads`: arguments, models, errors, warnings and threads
-//!   of all steps.
+//! - `arguments`, `request`, `failure`, `warned`, `words`, `running`, `unwound`, `threads`: arguments, models, errors,
+//!   warnings and threads of all steps.
 //!
 //! Invariants: the GIL is released in every call that may reach the chain, because a piece may call Python from any thread;
 //! nothing runs in rayon's global pool, which a forked process does not have (`threads`); arrays are read and written through
@@ -53,6 +53,7 @@ mod threads;
 mod units;
 mod unwound;
 mod warned;
+mod words;
 mod written;
 
 use pyo3::prelude::*;

@@ -12,6 +12,7 @@ use crate::failure::{Failure, input};
 use crate::threads::in_threads_of_its_own;
 use crate::unwound::{caught, exception_of, interrupt};
 use crate::warned::Warnings;
+use crate::words::Words;
 
 /// How often the calling thread looks for signals.
 const LISTENING: Duration = Duration::from_millis(50);
@@ -90,6 +91,16 @@ pub(crate) fn run<T: Send>(
     show: Option<&Py<PyAny>>,
     work: impl FnOnce(&ProgressHandle) -> Result<T, Failure> + Send,
 ) -> PyResult<T> {
+    run_in(Words::Files, py, show, work)
+}
+
+/// [`run`], with messages in the words of the caller.
+pub(crate) fn run_in<T: Send>(
+    words: Words,
+    py: Python<'_>,
+    show: Option<&Py<PyAny>>,
+    work: impl FnOnce(&ProgressHandle) -> Result<T, Failure> + Send,
+) -> PyResult<T> {
     let (sender, receiver) = channel();
     let receiver = Mutex::new(receiver);
     let interrupted = Arc::new(AtomicBool::new(false));
@@ -115,8 +126,8 @@ pub(crate) fn run<T: Send>(
         return Err(error);
     }
     // The reason of a failure before an error that a warning is turned into.
-    let told = warnings.tell(py);
-    let result = outcome?;
+    let told = warnings.tell(py, words);
+    let result = outcome.map_err(|failure| words.of_failure(failure))?;
     told.map(|()| result)
 }
 

@@ -201,8 +201,8 @@ fn options_of(given: &Bound<'_, PyDict>) -> PyResult<Options> {
 /// A variable by its family and its place.
 type Reference = (usize, usize);
 
-/// Minimises the residuals of `batches` over `families`. `fixed` are variables with the components that are held, all where none are
-/// named; `bounds` are lower and upper limits of components.
+/// Minimises the residuals of `batches` over `families`. `fixed` are variables with the components that are held, all where none
+/// are named; `bounds` are lower and upper limits of components.
 #[pyfunction]
 pub(crate) fn solve(
     py: Python<'_>,

@@ -14,7 +14,7 @@ struct Interrupted;
 /// Unwinds the thread that works: Python code that it called raised an exception.
 struct Raised(PyErr);
 
-/// What a thread was unwound with.
+/// Payload of an unwound thread.
 pub(crate) type Payload = Box<dyn Any + Send>;
 
 /// Leaves the library at once with an exception of Python code that it called. Only within [`caught`].

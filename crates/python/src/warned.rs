@@ -9,6 +9,8 @@ use tracing::level_filters::LevelFilter;
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Dispatch, Event, Level, Metadata, Subscriber};
 
+use crate::words::Words;
+
 /// Warnings of one call, in order, each once: parts of a cross-validation, for example, are fitted with the same warning each.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Warnings(Arc<Mutex<Vec<String>>>);
@@ -26,10 +28,10 @@ impl Warnings {
         }
     }
 
-    /// Gives them to Python's `warnings`, at the line that called the package.
-    pub fn tell(&self, py: Python<'_>) -> PyResult<()> {
+    /// Gives them in the caller's words to Python's `warnings`, at the line that called the package.
+    pub fn tell(&self, py: Python<'_>, words: Words) -> PyResult<()> {
         let messages = std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
-        messages.iter().try_for_each(|message| warn(py, message))
+        messages.into_iter().try_for_each(|message| warn(py, &words.of(message)))
     }
 }
 
@@ -50,9 +52,9 @@ impl Subscriber for Receiver {
     }
 
     fn event(&self, event: &Event<'_>) {
-        let mut words = Words::default();
-        event.record(&mut words);
-        self.0.push(words.message + &words.fields);
+        let mut parts = Parts::default();
+        event.record(&mut parts);
+        self.0.push(parts.message + &parts.fields);
     }
 
     fn new_span(&self, _: &Attributes<'_>) -> Id {
@@ -67,12 +69,12 @@ impl Subscriber for Receiver {
 
 /// A log message: its text, and its fields after it.
 #[derive(Default)]
-struct Words {
+struct Parts {
     message: String,
     fields: String,
 }
 
-impl Visit for Words {
+impl Visit for Parts {
     fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
         // Writing into memory does not fail.
         let _ = match field.name() {

@@ -24,7 +24,7 @@ def blocks(page):
             lines.append(line[4:])
         else:
             python = [line for line in lines if not line.startswith("pip install")]
-            if any("depthcal." in line and not line.lstrip().startswith("#") for line in python):
+            if any(("depthcal." in line or "solver." in line) and not line.lstrip().startswith("#") for line in python):
                 found.append("\n".join(python))
             lines = []
     return found
@@ -124,4 +124,5 @@ def test_the_snippets_run_from_page_to_page(names, folder, fit, tmp_path, monkey
         given = dict(names)
         for block in (block for block in blocks(page) if is_python(block)):
             exec(compile(block, str(page), "exec"), given)
-    assert given["solution"].converged or "solution" not in given
+        if page.name == "python.md":
+            assert given["solution"].converged

@@ -8,7 +8,7 @@ import pytest
 
 PROGRAM = Path(__file__).with_name("typed.py")
 
-CHECKERS = {"mypy": ["mypy", "--strict"], "pyright": ["pyright"]}
+CHECKERS = {"mypy": ["mypy", "--strict"], "pyright": ["pyright", "--pythonpath", sys.executable]}
 
 
 def checked(checker, path, folder):

@@ -86,15 +86,15 @@ impl Chart {
              font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
         );
         for x in ticks(self.ranges[0]) {
-            let [at, _] = self.place([x, self.ranges[1][0]]);
-            put!(svg, "<path d=\"M{at:.1} {top}V{inner_bottom}\" stroke=\"#ddd\"/>\n");
+            let [column, _] = self.place([x, self.ranges[1][0]]);
+            put!(svg, "<path d=\"M{column:.1} {top}V{inner_bottom}\" stroke=\"#ddd\"/>\n");
             let y = inner_bottom + 16.0;
-            put!(svg, "<text x=\"{at:.1}\" y=\"{y}\" text-anchor=\"middle\">{}</text>\n", escaped(&number(x)));
+            put!(svg, "<text x=\"{column:.1}\" y=\"{y}\" text-anchor=\"middle\">{}</text>\n", escaped(&number(x)));
         }
         for y in ticks(self.ranges[1]) {
-            let [_, at] = self.place([self.ranges[0][0], y]);
-            put!(svg, "<path d=\"M{left} {at:.1}H{inner_right}\" stroke=\"#ddd\"/>\n");
-            let (x, middle) = (left - 6.0, at + 4.0);
+            let [_, line] = self.place([self.ranges[0][0], y]);
+            put!(svg, "<path d=\"M{left} {line:.1}H{inner_right}\" stroke=\"#ddd\"/>\n");
+            let (x, middle) = (left - 6.0, line + 4.0);
             put!(svg, "<text x=\"{x}\" y=\"{middle:.1}\" text-anchor=\"end\">{}</text>\n", escaped(&number(y)));
         }
         put!(svg, "<path d=\"M{left} {top}V{inner_bottom}H{inner_right}\" fill=\"none\" stroke=\"black\"/>\n");

@@ -35,17 +35,16 @@ fn interval(bin: &DiagnosisComponentBin) -> [f64; 2] {
     [bin.residual_mm - half, bin.residual_mm + half]
 }
 
-fn draw(components: &[DiagnosisComponent], x: [f64; 2], y: [f64; 2]) -> String {
-    let mut chart = Chart::new(x, y);
-    let cap = CAP * (x[1] - x[0]);
+fn draw(components: &[DiagnosisComponent], across: [f64; 2], up: [f64; 2]) -> String {
+    let mut chart = Chart::new(across, up);
+    let cap = CAP * (across[1] - across[0]);
     for (i, component) in components.iter().enumerate() {
         let colour = line_colour(i, components.len());
         for bin in &component.bins {
-            let ([below, above], at) = (interval(bin), bin.at);
-            let ends =
-                [(at - cap, below), (at + cap, below), (at, below), (at, above), (at - cap, above), (at + cap, above)];
+            let ([below, above], x) = (interval(bin), bin.at);
+            let ends = [(x - cap, below), (x + cap, below), (x, below), (x, above), (x - cap, above), (x + cap, above)];
             chart.line(ends, &colour, 1);
-            chart.point(at, bin.residual_mm, &colour);
+            chart.point(x, bin.residual_mm, &colour);
         }
         chart.line(component.bins.iter().map(|bin| (bin.at, bin.formula_mm)), &colour, 2);
         if let Some(part) = &component.part_of {

@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from . import _depthcal, _progress
-from ._arguments import whole
 from ._calibration import Calibration
 from ._dataset import Dataset, dataset_of
 from ._depthcal import InputError
 from ._effects import Effect, EffectLike, in_words, model_in_words
 from ._evaluate import Judged
-from ._fit import Fixed, fixed_in_words
+from ._fit import Fixed, fixed_in_words, parts_of
 from ._tables import Table
 
 
@@ -188,7 +187,7 @@ def diagnose(
         dataset._native,
         None if verify is None else verify._native,
         {"model": model_text, "with": texts, "effects": every, "lens": lens},
-        {"folds": whole("folds", folds, 2), "discovery": discovery},
+        {"folds": parts_of("folds", folds, dataset), "discovery": discovery},
         call,
         _progress.show(progress),
     )

@@ -113,6 +113,14 @@ def fixed_in_words(fixed: Fixed) -> list[str]:
     return [f"fixed:{name}" for name in fixed]
 
 
+def parts_of(name: str, given: Any, dataset: Dataset) -> int:
+    """A number of parts that a dataset's frames can be divided into."""
+    parts, frames = whole(name, given, 2), len({row.name for row in dataset.frames})
+    if parts > frames:
+        raise InputError(f"{name} is {parts}, but {dataset.name} has {frames} frames: give at most as many parts")
+    return parts
+
+
 def _held_out(given: Any) -> tuple[int, int] | None:
     """Period and first of the frames that are held out."""
     if given is None:
@@ -158,7 +166,7 @@ def calibrate(
     texts, more = in_words(effects)
     texts += fixed_in_words(fixed)
     held = _held_out(hold_out)
-    cross_validate = None if cross_validate is None else whole("cross_validate", cross_validate, 2)
+    cross_validate = None if cross_validate is None else parts_of("cross_validate", cross_validate, dataset)
     words = arguments_in_words(
         model=model_text if model_text != "projective" else None,
         effects=texts or None,

@@ -154,6 +154,8 @@ def _unit(name: str, given: Unit) -> tuple[str, str, str | None]:
         raise InputError(
             f"calibrations: {name} is a {type_of(given)}: give a Fit, a Diagnosis, a Calibration or a path"
         )
+    if calibration.cameras:
+        raise InputError(f"calibrations: {name} is of several cameras: save it, and give the folders of one of them")
     scores = getattr(given, "scores", None)
     found = scores() if callable(scores) else None
     return name, calibration._native.json(), None if found is None else json.dumps(found)

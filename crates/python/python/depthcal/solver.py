@@ -303,6 +303,7 @@ class Problem:
                 raise InputError(
                     f"residuals '{called}': variables are of this problem, made by vectors, poses, rotations or directions"
                 )
+        _loss(loss)
         parts = tuple(data) if isinstance(data, (tuple, list)) else (data,)
         places = _indices(called, members, indices, parts)
         residuals = _Residuals(called, function, jacobian, members, places, parts)
@@ -310,7 +311,6 @@ class Problem:
         residuals.rows = start.shape[1]
         residuals.whiten = _whitening(called, start.shape, sigma, covariance)
         self._batches.append((residuals, loss))
-        _loss(loss)
 
     def fix(self, variables: Variables, places: Any = None, *, components: Sequence[int] | None = None) -> None:
         """Holds variables, all of them or those at ``places``, wholly or some ``components`` of their steps."""
@@ -449,11 +449,13 @@ def _whitening(
         return lambda values: values
     deviations = _depthcal.real_numbers("sigma", sigma)
     try:
-        np.broadcast_shapes(deviations.shape, shape)
+        fits = np.broadcast_shapes(deviations.shape, shape) == shape
     except ValueError:
+        fits = False
+    if not fits:
         raise InputError(
             f"residuals '{name}': sigma has the shape {deviations.shape}, residuals {shape}: give numbers that fit"
-        ) from None
+        )
     if not (np.isfinite(deviations).all() and (deviations > 0).all()):
         raise InputError(f"residuals '{name}': sigma is not above 0 everywhere")
     return lambda values: values / deviations
