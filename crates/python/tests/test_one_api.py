@@ -408,9 +408,9 @@ def test_datasets_travel(dataset, points, rig, images, tmp_path):
     """The fit of what arrives has the same bytes."""
     for given in (dataset, points, rig):
         again = travelled(given)
-        assert (
-            again.digest == given.digest and list(again.frames) == list(given.frames) and again.cameras == given.cameras
-        )
+        # As text: temperatures that are not known are NaN.
+        assert again.digest == given.digest and repr(again.frames) == repr(given.frames)
+        assert again.cameras == given.cameras
         assert list(again.dropped) == list(given.dropped)
         depthcal.calibrate(given).save(tmp_path / "here")
         depthcal.calibrate(again).save(tmp_path / "there")
