@@ -479,28 +479,27 @@ def test_functions_do_not_travel(points):
             pickle.dumps(thing)
 
 
-def test_an_exception_of_a_function_in_a_correction_is_its_own(points):
+def test_an_exception_of_a_function_in_a_correction_is_its_own():
+    """Effects of the amplitude have no tables: every pixel is inverted, by the function."""
+    points = depthcal.simulate_points(frames=20, samples=60, effects=["reflectivity_bias=6"], seed=2)
     broken = []
 
-    @depthcal.effect(parameters={"a": "mm"}, name="bowl")
-    def bowl(r, a):
+    @depthcal.effect(parameters={"a": "mm"}, name="shade")
+    def shade(r, amplitude, a):
         if broken:
             raise ZeroDivisionError("own message")
-        return a * r**2
+        return a * r**2 * 100 / (amplitude + 50)
 
-    fit = depthcal.calibrate(points, effects=[bowl])
-    tables, depth = depthcal.Corrector(fit.calibration), np.full((480, 640), 1500, np.uint16)
-    before = tables.correct(depth)
+    corrector = depthcal.Corrector(depthcal.calibrate(points, effects=[shade]).calibration)
+    depth, amplitude = np.full((480, 640), 1500, np.uint16), np.full((480, 640), 100, np.uint16)
+    assert not corrector.has_tables
+    before = corrector.correct(depth, amplitude=amplitude)
     broken.append(True)
-    with pytest.raises(ZeroDivisionError, match="own message"):
-        depthcal.Corrector(fit.calibration)
-    for call in (tables.correct, tables.correct_to_mm, tables.points, tables.uncertainty):
-        try:
-            call(depth)
-        except ZeroDivisionError as error:
-            assert str(error) == "own message"
+    for call in (corrector.correct, corrector.correct_counting, corrector.correct_to_mm, corrector.points):
+        with pytest.raises(ZeroDivisionError, match="own message"):
+            call(depth, amplitude=amplitude)
     broken.clear()
-    np.testing.assert_array_equal(tables.correct(depth), before)
+    np.testing.assert_array_equal(corrector.correct(depth, amplitude=amplitude), before)
 
 
 # --- Fleets -------------------------------------------------------------------------------------------------------------------------
