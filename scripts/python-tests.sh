@@ -38,6 +38,20 @@ fi
 wheel=$(ls -t "$target"/python/wheels/depthcal-*.whl | head -n 1)
 "$fresh/bin/pip" install --quiet "$wheel[test,fleet]" || skip "packages of the tests cannot be installed (no network?)"
 
+# Licences are in the wheel and, below, in the source distribution; links of the page of a package index work there.
+has_licences() {
+    local listed
+    listed=$(cat)
+    for licence in LICENSE-MIT LICENSE-APACHE; do
+        grep -q "$licence" <<<"$listed" || { echo "error: $1 has no $licence" && exit 1; }
+    done
+}
+"$python" -m zipfile --list "$wheel" | has_licences "$wheel"
+if grep -nE '\]\((\.|[a-z]+/)' crates/python/README.md; then
+    echo "error: crates/python/README.md has a link that works in the repository only"
+    exit 1
+fi
+
 # The wheel is one for all versions of Python and brings no OpenCV.
 case $wheel in *abi3*) ;; *) echo "error: $wheel is not abi3" && exit 1 ;; esac
 if "$python" -m zipfile --list "$wheel" | grep -qi opencv; then
@@ -58,6 +72,7 @@ DEPTHCAL_BIN=$(realpath -m "$DEPTHCAL_BIN")
 sources=$target/python/sources
 rm -rf "$sources" && mkdir -p "$sources"
 "$tools/bin/maturin" sdist --manifest-path crates/python/Cargo.toml --out "$sources"
+tar -tzf "$sources"/depthcal-*.tar.gz | has_licences "the source distribution"
 tar -xzf "$sources"/depthcal-*.tar.gz -C "$sources"
 maturin=$(realpath "$tools/bin/maturin")
 out=$(realpath "$sources")

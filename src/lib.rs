@@ -53,14 +53,15 @@
 //!
 //! # Features
 //!
-//! All but the last are on by default.
+//! All but the last two are on by default.
 //!
 //! | feature | what it adds |
 //! |---|---|
 //! | `cli` | the command line and its reports; with it `detect` |
 //! | `detect` | boards in images, found by code of this workspace; without it, [`load`] fails on images without cached corners |
 //! | `import` | `depthcal import`: recordings (ROS bags, MCAP, Matroska) as datasets |
-//! | `opencv` | chessboards and tags by OpenCV as well, which has to be installed; with it `detect` |
+//! | `live` | `depthcal live`: guided capture with a page |
+//! | `opencv` | chessboards and tags by OpenCV instead, which has to be installed; with it `detect` |
 //! | `rerun` | `--rrd`: recordings for the rerun viewer, some 230 more crates |
 
 pub use depthcal_calibration as calibration;

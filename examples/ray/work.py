@@ -48,6 +48,14 @@ def is_done(out: Path, unit: str, made_from: str) -> bool:
         return False
 
 
+def source_of(out: Path, unit: str) -> str | None:
+    """The source of a unit that is done; None where there is none."""
+    try:
+        return pyarrow.parquet.read_table(row_path(out, unit), columns=["source"])["source"][0].as_py()
+    except (FileNotFoundError, pyarrow.ArrowException):
+        return None
+
+
 def write_row(out: Path, unit: str, row: dict[str, Any]) -> None:
     """Writes the row of a unit: it is done."""
     path = row_path(out, unit)
@@ -94,8 +102,12 @@ def capture(source: str) -> depthcal.Dataset:
 
 
 def unit_of(source: str) -> str:
-    """The name of a camera's results."""
-    return source.replace(":", "_") if source.startswith("simulated:") else Path(source).name
+    """The name of a camera's results: that of its folder, with a short form of where that lies, because folders of many cameras may have one
+    name (``camA/calib``, ``camB/calib``)."""
+    if source.startswith("simulated:"):
+        return source.replace(":", "_")
+    path = Path(source).absolute()
+    return f"{path.parent.name}-{path.name}-{fingerprint(str(path))[:6]}"
 
 
 def camera_made_from(source: str, diagnose: bool) -> str:
@@ -166,6 +178,8 @@ def correct_shard(shard: str, calibration: str, out: str, unit_mm: float = 1.0, 
     their frames, so that memory does not grow with the shard.
     """
     folder, unit, started = Path(out), Path(shard).stem, time.time()
+    if (other := source_of(folder, unit)) not in (None, shard):
+        raise ValueError(f"{unit} in {out} is of {other}: give {shard} another folder for its results, or another name")
     frames = np.load(shard, mmap_mode="r")
     correct = corrector(calibration, os.stat(calibration).st_mtime_ns)
     temporary = folder / f".{unit}.{os.getpid()}.tmp"

@@ -2,7 +2,7 @@
 
     python run.py calibrate units.txt results/                              # all of them, one after the other
     SLURM_ARRAY_TASK_ID=3 SLURM_ARRAY_TASK_COUNT=16 python run.py calibrate units.txt results/
-    python run.py correct shards.txt corrected/ --calibration results/cam7/calibration.json
+    python run.py correct shards.txt corrected/ --calibration cam7/calibration.json
     python run.py table results/                                            # results.parquet, after the array
 
 units.txt names a folder of captures, or a shard, per line. Units that are done are not done again: submit the array again after lost nodes

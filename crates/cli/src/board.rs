@@ -1,11 +1,9 @@
 //! `board`: boards to print.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use depthcal_io::{
-    BoardPage, CameraSection, DatasetFile, Paper, StagedResults, board_pdf, board_svg, write_atomically,
-};
+use depthcal_io::{BoardFiles, Paper, write_board};
 use depthcal_model::{Pattern, Target};
 use serde_json::{Value, json};
 
@@ -63,36 +61,17 @@ pub(super) struct Board {
 
 impl Board {
     pub(super) fn run(&self) -> Result<Value, Failure> {
-        let extension = self.out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-        if !["pdf", "svg"].contains(&extension.as_str()) {
-            return Err(Failure::Input(format!(
-                "{}: give --out a name that ends with .pdf or .svg",
-                self.out.display()
-            )));
-        }
-        let toml = section(&self.target())?;
-        // As a dataset will read it: every limit of dataset.toml holds for a print too.
-        let target = DatasetFile::parse(Path::new("the board"), &format!("{toml}\n[frames]\nimage = \"*\"\n"))
-            .map_err(input)?
-            .board;
-        let dictionary = match &target.pattern {
-            Pattern::Charuco { dictionary, .. } => dictionary.as_str(),
-            _ => "DICT_APRILTAG_36h11",
-        };
-        let page = BoardPage::new(&target, self.paper, &|id| tag_cells(dictionary, id)).map_err(input)?;
-        let bytes = if extension == "pdf" { board_pdf(&page) } else { board_svg(&page).into_bytes() };
-        let beside = self.out.with_extension("toml");
-        write_both([(&beside, toml.as_bytes()), (&self.out, &bytes)])?;
-        let [width, height] = page.size_mm;
-        say!("{toml}");
+        let BoardFiles { page_mm, ruler_mm, section, written } =
+            write_board(&self.target(), self.paper, &self.out, &tag_cells).map_err(input)?;
+        let [width, height] = page_mm;
+        say!("{section}");
         say!(
-            "{width} × {height} mm: print at 100 %, without fitting to the page; the ruler must measure {} mm, else multiply all lengths \
-             by what it measures / {}",
-            page.ruler_mm,
-            page.ruler_mm
+            "{width} × {height} mm: print at 100 %, without fitting to the page; the ruler must measure {ruler_mm} mm, else multiply all \
+             lengths by what it measures / {ruler_mm}"
         );
-        say!("written: {}, {}", self.out.display(), beside.display());
-        Ok(json!({ "page_mm": page.size_mm, "ruler_mm": page.ruler_mm, "written": [self.out, beside] }))
+        let [print, beside] = written.each_ref().map(|path| path.display());
+        say!("written: {print}, {beside}");
+        Ok(json!({ "page_mm": page_mm, "ruler_mm": ruler_mm, "written": written }))
     }
 
     /// The board, with defaults that fit on A4 as on Letter.
@@ -117,34 +96,6 @@ impl Board {
         };
         Target { pattern, columns: self.columns.unwrap_or(columns), rows: self.rows.unwrap_or(rows), spacing_mm }
     }
-}
-
-/// Writes the section and the print, so that neither is ever beside that of another board.
-fn write_both(files: [(&Path, &[u8]); 2]) -> Result<(), Failure> {
-    let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let folder = files[0].0.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let staged = StagedResults::within(folder).map_err(input)?;
-    for (path, bytes) in files {
-        let path = staged.folder().join(name(path));
-        write_atomically(path, |file| file.write_all(bytes)).map_err(|error| input(staged.located(error)))?;
-    }
-    staged.commit(&name(files[0].0)).map_err(input)?;
-    Ok(())
-}
-
-/// The section `[board]`.
-fn section(target: &Target) -> Result<String, Failure> {
-    // Written as a file would be, of which only this section stays.
-    let file = DatasetFile {
-        board: target.clone(),
-        metadata: None,
-        associations: None,
-        within_s: None,
-        cameras: vec![CameraSection { image: Some("*".into()), ..CameraSection::default() }],
-    };
-    let text = file.to_toml().map_err(input)?;
-    let end = text.find("\n[frames]").unwrap_or(text.len());
-    Ok(text[..end].trim_end().to_owned() + "\n")
 }
 
 #[cfg(feature = "detect")]

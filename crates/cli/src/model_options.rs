@@ -16,9 +16,9 @@ pub(super) struct ModelOptions {
     #[arg(long, default_value = "projective")]
     model: String,
     /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them. fixed:PIECE.PARAMETER holds
-    /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx. Of one camera of a rig: colour:thin_prism,
-    /// fixed:colour:pinhole.cx. colour:time_offset estimates by how much this camera exposes later than its times say, from a
-    /// video of a board that moves.
+    /// a parameter instead of fitting it, at a value if one is given: fixed:brown_conrady.k3, fixed:pinhole.cx=319.5. Of one
+    /// camera of a rig: colour:thin_prism, fixed:colour:pinhole.cx. colour:time_offset estimates by how much this camera exposes
+    /// later than its times say, from a video of a board that moves.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine

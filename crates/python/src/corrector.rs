@@ -9,8 +9,8 @@ use depthcal_calibration::observe::PlacedCamera;
 use depthcal_correction::{
     AmplitudeImage, CorrectionSummary, Corrector as Native, CorrectorError, FrameContext, PointsMut,
 };
+use depthcal_io::Calibration as Record;
 use numpy::Element;
-use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyFloat, PyInt};
@@ -19,6 +19,8 @@ use crate::arrays::{Receiver, Values, numbers};
 use crate::calibrated::Calibration;
 use crate::failure::{Failure, input};
 use crate::images::{Depth, Gray};
+use crate::needed_inputs::NeededInputs;
+use crate::request::json;
 use crate::running::run;
 use crate::threads::{FrameThreads, SHARED};
 use crate::units;
@@ -31,6 +33,9 @@ use crate::units;
 #[derive(Debug)]
 pub(crate) struct Corrector {
     native: Arc<Native>,
+    /// The calibration, for other processes.
+    record: Arc<Record>,
+    inputs: NeededInputs,
     /// Threads of its own; those that frames share where there are none.
     threads: Option<FrameThreads>,
 }
@@ -199,18 +204,17 @@ impl Corrector {
     #[new]
     #[pyo3(signature = (calibration, threads=None))]
     fn new(py: Python<'_>, calibration: &Bound<'_, PyAny>, threads: Option<usize>) -> PyResult<Self> {
-        // Objects of the package hold the native calibration.
-        let native = calibration.getattr(intern!(py, "_native")).unwrap_or_else(|_| calibration.clone());
-        let native = native.cast::<Calibration>().map_err(|_| {
-            PyTypeError::new_err(
-                "give a Calibration: depthcal.Calibration.load(\"calibration.json\"), or fit.calibration",
-            )
-        })?;
+        // A calibration of the package, a fit, or a path: objects of the package hold the native calibration.
+        let taken = py.import("depthcal._calibration")?.getattr("calibration_of")?.call1((calibration,))?;
+        let native = taken.getattr(intern!(py, "_native"))?;
+        let native = native.cast::<Calibration>().map_err(PyErr::from)?;
         let camera = native.get().camera.clone();
         if threads == Some(0) {
             return Err(input("threads is 0; give at least 1").into());
         }
         let (record, name) = (native.get().record.clone(), native.get().record.camera.name.clone());
+        let inputs = NeededInputs::of(&camera);
+        let pickled = record.clone();
         let native = run(py, None, move |_| {
             let corrector = Native::new(&camera).map_err(input)?;
             let placed = PlacedCamera { name, ..unnamed_camera((*camera).clone()) };
@@ -219,7 +223,14 @@ impl Corrector {
                 None => corrector,
             })
         })?;
-        Ok(Self { native: Arc::new(native), threads: threads.map(|number| FrameThreads::new(Some(number))) })
+        let threads = threads.map(|number| FrameThreads::new(Some(number)));
+        Ok(Self { native: Arc::new(native), record: pickled, inputs, threads })
+    }
+
+    /// Pickled as its calibration, from which the other process builds it again.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String, Option<usize>))> {
+        let build = py.import("depthcal._calibration")?.getattr("_corrector")?;
+        Ok((build, (json(&*self.record)?, self.threads.as_ref().and_then(FrameThreads::number))))
     }
 
     /// Width of its images, px.
@@ -284,7 +295,9 @@ impl Corrector {
         temperature_c: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyAny>, Counts)> {
-        let (values, call) = self.call(Given { depth, unit_mm, amplitude, time_s, temperature_c })?;
+        let given = Given { depth, unit_mm, amplitude, time_s, temperature_c };
+        self.inputs.warn_of_missing(py, time_s.is_some(), temperature_c.is_some(), amplitude.is_some())?;
+        let (values, call) = self.call(given)?;
         let why = "corrected depth has the type of depth";
         let (out, summary) = match values {
             Depth::Steps(steps) => {
@@ -321,7 +334,9 @@ impl Corrector {
         temperature_c: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (values, call) = self.call(Given { depth, unit_mm, amplitude, time_s, temperature_c })?;
+        let given = Given { depth, unit_mm, amplitude, time_s, temperature_c };
+        self.inputs.warn_of_missing(py, time_s.is_some(), temperature_c.is_some(), amplitude.is_some())?;
+        let (values, call) = self.call(given)?;
         let out = Receiver::<f32>::new(py, out, values.shape(), "it receives millimetres")?;
         match values {
             Depth::Steps(steps) => {
@@ -355,7 +370,9 @@ impl Corrector {
         temperature_c: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (values, call) = self.call(Given { depth, unit_mm, amplitude, time_s, temperature_c })?;
+        let given = Given { depth, unit_mm, amplitude, time_s, temperature_c };
+        self.inputs.warn_of_missing(py, time_s.is_some(), temperature_c.is_some(), amplitude.is_some())?;
+        let (values, call) = self.call(given)?;
         let shape: Vec<usize> = values.shape().iter().copied().chain([3]).collect();
         let out = Receiver::<f32>::new(py, out, &shape, "points are in millimetres")?;
         out.check_apart("depth", depth)?;

@@ -7,7 +7,7 @@ use depthcal_calibration::load::{
     DatasetInMemory, FrameInMemory, GivenMarkers, LoadOptions, Loaded, LoadedCamera, default_cache, load_from_memory,
     load_with_markers,
 };
-use depthcal_calibration::observe::{DetectedFrame, RawFrame};
+use depthcal_calibration::observe::{DetectedFrame, MarkerObservation, RawFrame};
 use depthcal_io::{CameraHint, DepthFrame, DepthValues, FrameMetadata, IntrinsicNumbers};
 use depthcal_model::{Register, Target};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
@@ -17,9 +17,11 @@ use pyo3::types::PyDict;
 use crate::arguments::argument;
 use crate::failure::{Failure, input};
 use crate::images::{depth_frame, gray_image};
-use crate::markers::{MarkerArrays, markers_of};
+use crate::markers::{MarkerArrays, check_all, check_inside, count_without_numbers, markers_of};
+use crate::pickled;
 use crate::request::json;
-use crate::running::run;
+use crate::running::{run, run_in};
+use crate::words::Words;
 
 /// A dataset of one camera or of several with its markers.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -40,13 +42,16 @@ pub(crate) fn load(
     image_memory_mib: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Dataset> {
-    let markers: Option<GivenMarkers> = match markers {
+    let given = markers;
+    let markers: Option<GivenMarkers> = match &given {
         None => None,
         Some(list) => {
             let frames = list.iter().map(|(name, arrays)| Ok((name.clone(), markers_of(name, arrays)?)));
             Some(frames.collect::<Result<_, Failure>>()?)
         }
     };
+    let counts = given.iter().flatten().map(|(name, arrays)| Ok((name.clone(), count_without_numbers(arrays)?)));
+    let counts = counts.collect::<PyResult<Vec<_>>>()?;
     let loaded = run(py, progress.as_ref(), move |progress| {
         let options = LoadOptions {
             cache: if cache { default_cache() } else { None },
@@ -62,6 +67,12 @@ pub(crate) fn load(
         }
         .map_err(input)
     })?;
+    if let ([camera], false) = (&loaded.cameras[..], counts.is_empty()) {
+        let capture = &camera.capture;
+        counts.iter().try_for_each(|(frame, count)| check_all(frame, *count, capture.target.len()))?;
+        let size = (capture.width, capture.height);
+        capture.frames.iter().try_for_each(|frame| check_inside(&frame.name, &frame.markers, size))?;
+    }
     Ok(Dataset { loaded: Arc::new(loaded) })
 }
 
@@ -82,6 +93,7 @@ pub(crate) fn from_memory(
     frames: Vec<FrameArrays<'_>>,
 ) -> PyResult<Dataset> {
     let target = target_of(board)?;
+    let size: (usize, usize) = argument(camera, "size")?;
     let unit_mm: Option<f64> = argument(camera, "unit_mm")?;
     if let Some(unit) = unit_mm.filter(|unit| !(unit.is_finite() && *unit > 0.0)) {
         return Err(input(format!("unit_mm is {unit}: give the millimetres per step, such as 1 or 0.25")).into());
@@ -90,7 +102,7 @@ pub(crate) fn from_memory(
         Ok(FrameInMemory {
             image: image.map(|image| gray_image(&format!("frame '{name}': the image"), &image)).transpose()?,
             depth: depth.map(|depth| depth_of(&name, &depth, unit_mm)).transpose()?,
-            markers: markers_of(&name, &markers)?,
+            markers: placed_markers(&name, &markers, &target, size)?,
             metadata: FrameMetadata { timestamp_s, temperature_c, ..FrameMetadata::default() },
             name,
         })
@@ -102,10 +114,44 @@ pub(crate) fn from_memory(
         )
         .into());
     }
-    let (size, hint) = (argument(camera, "size")?, camera_hint(camera)?);
+    let hint = camera_hint(camera)?;
     let given = DatasetInMemory { name, target, size, depth_unit_mm: unit_mm, camera: hint, frames };
-    let loaded = run(py, None, move |_| load_from_memory(given).map_err(input))?;
+    let loaded = run_in(Words::Arrays, py, None, move |_| load_from_memory(given).map_err(input))?;
     Ok(Dataset { loaded: Arc::new(loaded) })
+}
+
+/// A dataset of several cameras from datasets of one each, the reference first, with `camera_from_rig` where it is known: the
+/// rows of (R | t).
+#[pyfunction]
+pub(crate) fn from_cameras(
+    name: String,
+    cameras: Vec<(String, PyRef<'_, Dataset>, Option<[f64; 12]>)>,
+) -> PyResult<Dataset> {
+    let mut parts: Vec<LoadedCamera> = Vec::new();
+    for (camera, dataset, camera_from_rig) in cameras {
+        let fault = |problem: String| input(format!("camera '{camera}': {problem}"));
+        if camera.is_empty() || camera.contains(['/', '.', ':']) {
+            return Err(fault("a name has letters, digits, _ and - alone".to_owned()).into());
+        }
+        let mut part = dataset.only_camera().map_err(|_| fault("its dataset has several cameras".to_owned()))?.clone();
+        if let Some(first) = parts.first().filter(|first| first.capture.target != part.capture.target) {
+            let (this, other) = (json(&part.capture.target)?, json(&first.capture.target)?);
+            return Err(fault(format!(
+                "its board is {this}, that of '{}' is {other}: one board is for all",
+                first.name()
+            ))
+            .into());
+        }
+        part.declared.title = format!("{name}/{camera}");
+        part.capture.name.clone_from(&part.declared.title);
+        part.declared.name = camera;
+        part.declared.camera_from_rig = camera_from_rig;
+        parts.push(part);
+    }
+    if parts.len() < 2 {
+        return Err(input("give the datasets of at least two cameras by their names").into());
+    }
+    Ok(Dataset { loaded: Arc::new(Loaded { name, cameras: parts }) })
 }
 
 /// The intrinsics and the lens of the arguments; `None` where neither is given.
@@ -118,6 +164,21 @@ fn camera_hint(camera: &Bound<'_, PyDict>) -> PyResult<Option<CameraHint>> {
     Ok((numbers.is_some() || lens.is_some()).then_some(CameraHint { numbers, lens, fixed, ..CameraHint::default() }))
 }
 
+/// The markers of a frame, within the image, and all of the board where they have no numbers.
+fn placed_markers(
+    frame: &str,
+    given: &MarkerArrays<'_>,
+    target: &Target,
+    size: (usize, usize),
+) -> Result<Vec<MarkerObservation>, Failure> {
+    let markers = markers_of(frame, given)?;
+    check_all(frame, count_without_numbers(given)?, target.len())?;
+    if markers.iter().all(|marker| marker.pixel.iter().all(|place| place.is_finite())) {
+        check_inside(frame, &markers, size)?;
+    }
+    Ok(markers)
+}
+
 /// The depth of a frame, in a unit that its type of values can have.
 fn depth_of(frame: &str, given: &Bound<'_, PyAny>, unit_mm: Option<f64>) -> Result<DepthFrame, Failure> {
     let depth = depth_frame(&format!("frame '{frame}': the depth image"), given)?;
@@ -126,7 +187,7 @@ fn depth_of(frame: &str, given: &Bound<'_, PyAny>, unit_mm: Option<f64>) -> Resu
 }
 
 /// The board of a JSON text.
-fn target_of(board: &str) -> Result<Target, Failure> {
+pub(crate) fn target_of(board: &str) -> Result<Target, Failure> {
     let target: Target = serde_json::from_str(board).map_err(|e| input(format!("board: {e}")))?;
     if target.is_empty() || target.columns < 2 || target.rows < 2 {
         return Err(input(format!(
@@ -263,6 +324,17 @@ impl Dataset {
             DepthValues::Steps(values) => values.clone().into_pyarray(py).reshape(shape)?.into_any(),
             DepthValues::Float(values) => values.clone().into_pyarray(py).reshape(shape)?.into_any(),
         }))
+    }
+
+    /// Everything as JSON and arrays, for [`Dataset::of_state`].
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<(String, Vec<Bound<'py, PyAny>>)> {
+        pickled::state(py, &self.loaded)
+    }
+
+    /// The dataset of a [`state`](Dataset::state).
+    #[staticmethod]
+    fn of_state(text: &str, arrays: Vec<Bound<'_, PyAny>>) -> PyResult<Self> {
+        Ok(Self { loaded: Arc::new(pickled::from_state(text, &arrays)?) })
     }
 
     /// Writes `observations.json`.

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use depthcal_calibration::diagnose::effect_scores::effect_scores;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, DiagnosedCamera, Made, Results};
 use depthcal_report::{Detail, diagnosis_text, verdict_sentence};
@@ -15,7 +16,8 @@ use crate::dataset::Dataset;
 use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{base_options, checked_folds, json, model_request};
-use crate::running::run;
+use crate::running::{run, run_in};
+use crate::words::Words;
 use crate::written::{html, save};
 
 /// The diagnosis of a dataset, or of one of its cameras.
@@ -44,7 +46,7 @@ pub(crate) fn diagnose(
     let request = DiagnoseRequest { model, folds, formulas: argument(options, "discovery")? };
     let loaded = dataset.loaded.clone();
     let verify = verify.map(|dataset| dataset.loaded.clone());
-    run(py, progress.as_ref(), move |progress| {
+    run_in(Words::for_dataset(&loaded), py, progress.as_ref(), move |progress| {
         let diagnosed = request.diagnose(&loaded, verify.as_deref(), base_options(&register, progress))?;
         let made = Made { command_line: call, stages: progress.stage_times() };
         Ok(Diagnosis { diagnosed: Arc::new(diagnosed), camera: None, made })
@@ -144,6 +146,16 @@ impl Diagnosis {
             Some(camera) => json(&camera.evaluation()),
             None => json(&self.diagnosed.evaluation()),
         }
+    }
+
+    /// Scores of the effects that one camera's last model lacks as JSON, `scores.json`; `None` where none can be scored.
+    fn scores(&self, py: Python<'_>) -> PyResult<Option<String>> {
+        let several = || input(format!("the diagnosis is of several cameras, {}: take one", self.cameras().join(", ")));
+        let camera = self.only_camera().ok_or_else(several)?;
+        let reference = camera.loaded_camera().reference.clone();
+        let scores =
+            run(py, None, |_| effect_scores(&camera.diagnosis.last, &camera.register, reference).map_err(input))?;
+        scores.as_ref().map(json).transpose()
     }
 
     /// The report as HTML.

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use depthcal_calibration::diagnose::effect_scores::effect_scores;
 use depthcal_calibration::judge::parts::Parts;
+use depthcal_calibration::load::LoadedCamera;
 use depthcal_calibration::task::{Fit as Fitted, FitRequest, GivenPrior, Made, NextRequest};
 use depthcal_report::{next_value, prior_sentences};
 use pyo3::prelude::*;
@@ -13,7 +15,8 @@ use crate::calibrated::Calibration;
 use crate::dataset::Dataset;
 use crate::failure::input;
 use crate::request::{base_options, estimator_of, hold_out_of, json, model_request};
-use crate::running::run;
+use crate::running::{run, run_in};
+use crate::words::Words;
 use crate::written::{html, save};
 
 /// A fit with its errors.
@@ -60,7 +63,7 @@ pub(crate) fn calibrate(
         priors,
     };
     let loaded = dataset.loaded.clone();
-    run(py, progress.as_ref(), move |progress| {
+    run_in(Words::for_dataset(&loaded), py, progress.as_ref(), move |progress| {
         let fit = request.fit(&loaded, base_options(&register, progress))?;
         Ok(Fit { fit, made: Made { command_line: call, stages: progress.stage_times() } })
     })
@@ -81,6 +84,24 @@ impl Fit {
     /// Changes by the prior of a fleet, in sentences.
     fn prior_sentences(&self) -> Vec<String> {
         prior_sentences(&self.fit.fitted.reference().calibrated)
+    }
+
+    /// Scores of the effects that a camera's model lacks as JSON, `scores.json`; `None` where none can be scored. The camera is
+    /// the only one where none is named.
+    fn scores(&self, py: Python<'_>, camera: Option<String>) -> PyResult<Option<String>> {
+        let names = || self.fit.loaded.cameras.iter().map(LoadedCamera::name).collect::<Vec<_>>().join(", ");
+        let named = |name: &str| self.fit.fitted.cameras.iter().find(|fitted| fitted.name == name);
+        let fitted = match &camera {
+            None if self.fit.fitted.only_camera().is_some() => self.fit.fitted.cameras.first(),
+            None => None,
+            Some(name) => named(name),
+        };
+        let fitted = fitted.ok_or_else(|| input(format!("camera: give one of {}", names())))?;
+        let loaded = self.fit.loaded.cameras.iter().find(|loaded| loaded.name() == fitted.name);
+        let reference = loaded.map(|loaded| loaded.reference.clone()).unwrap_or_default();
+        let scores =
+            run(py, None, |_| effect_scores(&fitted.calibrated, &self.fit.register, reference).map_err(input))?;
+        scores.as_ref().map(json).transpose()
     }
 
     /// Captures to add as JSON, as `depthcal next --json` gives them.

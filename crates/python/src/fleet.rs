@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use depthcal_calibration::task::Made;
-use depthcal_fleet::{FleetError, FleetOptions, Joined, join, read_units};
+use depthcal_fleet::{FleetError, FleetOptions, Joined, Unit, join, read_units};
+use depthcal_io::{Calibration, FleetLeftOut, Scores};
+use depthcal_model::Register;
 use depthcal_report::{FleetResults, fleet_text};
 use pyo3::prelude::*;
 
@@ -30,12 +32,33 @@ impl From<FleetError> for Failure {
     }
 }
 
-/// Joins calibrations, folders of results, or folders of such folders.
+/// A unit in memory: its name, and the JSON of its calibration and of the scores of effects that its model lacks.
+type UnitInMemory = (String, String, Option<String>);
+
+fn unit_of(
+    (name, calibration, scores): &UnitInMemory,
+    register: &Register,
+) -> Result<Result<Unit, FleetLeftOut>, Failure> {
+    let calibration: Calibration = serde_json::from_str(calibration).map_err(|e| input(format!("{name}: {e}")))?;
+    if !calibration.is_short() {
+        let problem = "is of several cameras: give one by camera(NAME), or save it and give the folders of one camera";
+        return Err(input(format!("{name} {problem}")));
+    }
+    let scores = scores.as_deref().map(serde_json::from_str::<Scores>).transpose();
+    let scores = scores.map_err(|e| input(format!("{name}: {e}")))?;
+    Ok(Unit::new(name, name, &calibration, scores.as_ref(), register).ok_or_else(|| FleetLeftOut {
+        calibration: name.clone(),
+        reason: "it has no covariance: calibrate with the joint estimator".to_owned(),
+    }))
+}
+
+/// Joins calibrations, folders of results, or folders of such folders, and units in memory.
 #[pyfunction]
-#[pyo3(signature = (calibrations, level, effects, call, progress))]
+#[pyo3(signature = (calibrations, in_memory, level, effects, call, progress))]
 pub(crate) fn fleet(
     py: Python<'_>,
     calibrations: Vec<PathBuf>,
+    in_memory: Vec<UnitInMemory>,
     level: f64,
     effects: Vec<PyRef<'_, Effect>>,
     call: String,
@@ -47,7 +70,13 @@ pub(crate) fn fleet(
     let register = register_with(&effects)?;
     run(py, progress.as_ref(), move |progress| {
         let stage = progress.stage("joining units");
-        let (units, left_out) = read_units(&calibrations, &register)?;
+        let (mut units, mut left_out) = read_units(&calibrations, &register)?;
+        for unit in &in_memory {
+            match unit_of(unit, &register)? {
+                Ok(unit) => units.push(unit),
+                Err(reason) => left_out.push(reason),
+            }
+        }
         let joined = join(units, left_out, &FleetOptions { level })?;
         drop(stage);
         Ok(Fleet { joined, made: Made { command_line: call, stages: progress.stage_times() } })

@@ -17,7 +17,7 @@ use pyo3::types::{PyList, PyTuple};
 
 use crate::arrays::numbers;
 use crate::failure::input;
-use crate::running::raise;
+use crate::unwound::raise;
 
 /// Numbers of a state of the depth hook: x, y, inverse depth, cosine of the angle of incidence.
 const STATE: usize = 4;

@@ -8,9 +8,13 @@
 //!   one camera or several on one body;
 //! - `fleet`: many cameras of one type;
 //! - `corrector`, `registration`: depth images on numpy arrays;
+//! - `solving`, `array_batch`: the solver, for residuals that numpy functions compute;
+//! - `printed`, `imported`: boards to print, recordings as datasets;
 //! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;
-//! - `arrays`, `images`, `markers`, `units`: numpy arrays as the library takes them;
-//! - `arguments`, `request`, `failure`, `running`, `threads`: arguments, models, errors and threads of all steps.
+//! - `arrays`, `images`, `markers`, `units`: numpy arrays as the library takes them; `needed_inputs`: those that effects need;
+//! - `pickled`: datasets that travel to other processes;
+//! - `arguments`, `request`, `failure`, `warned`, `words`, `running`, `unwound`, `threads`: arguments, models, errors,
+//!   warnings and threads of all steps.
 //!
 //! Invariants: the GIL is released in every call that may reach the chain, because a piece may call Python from any thread;
 //! nothing runs in rayon's global pool, which a forked process does not have (`threads`); arrays are read and written through
@@ -19,6 +23,7 @@
 #![allow(unsafe_code)]
 
 mod arguments;
+mod array_batch;
 mod arrays;
 mod calibrated;
 mod compared;
@@ -33,13 +38,22 @@ mod fitted;
 mod fleet;
 mod function_piece;
 mod images;
+#[cfg(feature = "import")]
+mod imported;
 mod markers;
+mod needed_inputs;
+mod pickled;
+mod printed;
 mod registration;
 mod request;
 mod running;
 mod simulated;
+mod solving;
 mod threads;
 mod units;
+mod unwound;
+mod warned;
+mod words;
 mod written;
 
 use pyo3::prelude::*;
@@ -63,8 +77,15 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<registration::Registration>()?;
     module.add_class::<fleet::Fleet>()?;
     module.add_class::<effect::Effect>()?;
+    module.add_class::<solving::Solved>()?;
+    module.add_function(wrap_pyfunction!(solving::solve, module)?)?;
+    module.add_function(wrap_pyfunction!(printed::write_board, module)?)?;
+    module.add_function(wrap_pyfunction!(written::write_files, module)?)?;
+    #[cfg(feature = "import")]
+    module.add_function(wrap_pyfunction!(imported::import_recording, module)?)?;
     module.add_function(wrap_pyfunction!(dataset::load, module)?)?;
     module.add_function(wrap_pyfunction!(dataset::from_memory, module)?)?;
+    module.add_function(wrap_pyfunction!(dataset::from_cameras, module)?)?;
     module.add_function(wrap_pyfunction!(fitted::calibrate, module)?)?;
     module.add_function(wrap_pyfunction!(evaluated::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(compared::compare, module)?)?;

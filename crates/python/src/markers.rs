@@ -10,6 +10,44 @@ use crate::failure::{Failure, input};
 /// deviations in px (n) or none. None where the board was not found.
 pub(crate) type MarkerArrays<'py> = Option<(Option<Bound<'py, PyAny>>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)>;
 
+/// Number of markers that are given without numbers, and are therefore all of the board; `None` where numbers are given.
+pub(crate) fn count_without_numbers(given: &MarkerArrays<'_>) -> PyResult<Option<usize>> {
+    match given {
+        Some((None, pixels, _)) => Ok(Some(numbers("markers", pixels)?.slice()?.len() / 2)),
+        _ => Ok(None),
+    }
+}
+
+/// Refuses markers without numbers that are not all of the board.
+pub(crate) fn check_all(frame: &str, count: Option<usize>, board: usize) -> Result<(), Failure> {
+    match count {
+        Some(count) if count != board && count > 0 => Err(input(format!(
+            "frame '{frame}': corners has {count} markers, but the board has {board}: give all of them in the board's order, or \
+             (ids, corners) where only some were found"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses markers outside the image.
+pub(crate) fn check_inside(
+    frame: &str,
+    markers: &[MarkerObservation],
+    (width, height): (usize, usize),
+) -> Result<(), Failure> {
+    let inside = |pixel: [f64; 2]| {
+        let within = |place: f64, size: usize| (-0.5..=size as f64 - 0.5).contains(&place);
+        within(pixel[0], width) && within(pixel[1], height)
+    };
+    match markers.iter().find(|marker| !inside(marker.pixel)) {
+        Some(MarkerObservation { index, pixel: [u, v], .. }) => Err(input(format!(
+            "frame '{frame}': marker {index} is at ({u:.1}, {v:.1}), outside the image, {width} × {height} px: give (u, v), the column \
+             before the row, of images of this size"
+        ))),
+        None => Ok(()),
+    }
+}
+
 /// Markers from arrays. Arrays may have further axes of length 1, as OpenCV's have.
 pub(crate) fn markers_of(frame: &str, given: &MarkerArrays<'_>) -> Result<Vec<MarkerObservation>, Failure> {
     let Some((indices, pixels, stds)) = given else { return Ok(Vec::new()) };

@@ -16,6 +16,7 @@ use crate::arrays::{array_of, exactly, type_name};
 use crate::calibrated::Calibration;
 use crate::failure::{Failure, input};
 use crate::images::{Depth, Gray};
+use crate::needed_inputs::NeededInputs;
 use crate::running::run;
 use crate::units;
 
@@ -27,6 +28,7 @@ pub(crate) struct Registration {
     source: PlacedCamera,
     target: PlacedCamera,
     corrector: Corrector,
+    inputs: NeededInputs,
 }
 
 /// Refuses an array that does not have the shape that a calibration asks for.
@@ -101,8 +103,9 @@ impl Registration {
         };
         let (source, target) = (camera(source)?, camera(target)?);
         let camera = source.camera.clone();
+        let inputs = NeededInputs::of(&camera);
         let corrector = run(py, None, move |_| Corrector::new(&camera).map_err(input))?;
-        Ok(Self { source, target, corrector })
+        Ok(Self { source, target, corrector, inputs })
     }
 
     /// Depth of a frame in the target's image, of the type and unit of ``depth``, and colours of depth's pixels where an image
@@ -124,6 +127,7 @@ impl Registration {
         let number = |name: &str| argument::<Option<f64>>(conditions, name);
         let (time_s, temperature_c) = (number("time_s")?, number("temperature_c")?);
         let timestamp_s = number("timestamp_s")?;
+        self.inputs.warn_of_missing(py, time_s.is_some(), temperature_c.is_some(), amplitude.is_some())?;
         let image = image.map(|array| self.image_of(&array)).transpose()?;
         let (registered, colours): (RegisteredDepth, Option<Vec<u8>>) = run(py, None, move |_| {
             let context = FrameContext {

@@ -1,18 +1,18 @@
 //! Long calls: without the GIL, in threads of their own, while the calling thread shows progress and listens for Ctrl-C.
 
-use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use depthcal_calibration::progress::{Job, Progress, ProgressHandle};
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 
-use crate::failure::{Error, Failure, input};
+use crate::failure::{Failure, input};
 use crate::threads::in_threads_of_its_own;
+use crate::unwound::{caught, exception_of, interrupt};
+use crate::warned::Warnings;
+use crate::words::Words;
 
 /// How often the calling thread looks for signals.
 const LISTENING: Duration = Duration::from_millis(50);
@@ -31,17 +31,6 @@ enum Event {
     Done,
 }
 
-/// Unwinds the thread that works: Ctrl-C was pressed.
-struct Interrupted;
-
-/// Unwinds the thread that works: Python code that it called raised an exception.
-struct Raised(PyErr);
-
-/// Leaves the library at once with an exception of Python code that it called. Only within [`run`].
-pub(crate) fn raise(error: PyErr) -> ! {
-    resume_unwind(Box::new(Raised(error)))
-}
-
 #[derive(Debug)]
 struct Reporter {
     sender: Sender<Event>,
@@ -52,7 +41,7 @@ struct Reporter {
 /// Leaves the library where Ctrl-C was pressed.
 fn check(interrupted: &AtomicBool) {
     if interrupted.load(Ordering::Relaxed) && !std::thread::panicking() {
-        resume_unwind(Box::new(Interrupted));
+        interrupt();
     }
 }
 
@@ -96,8 +85,18 @@ impl Drop for ReportedJob {
 
 /// Runs `work` without the GIL in threads of its own. Progress goes to `show`, called with (event, number of the job, text,
 /// steps) in the calling thread. Ctrl-C ends the work at its next stage and raises KeyboardInterrupt; an exception of `show` or
-/// of Python code that the work calls ends it as well.
+/// of Python code that the work calls ends it as well. Warnings of the library are given to Python when the work has ended.
 pub(crate) fn run<T: Send>(
+    py: Python<'_>,
+    show: Option<&Py<PyAny>>,
+    work: impl FnOnce(&ProgressHandle) -> Result<T, Failure> + Send,
+) -> PyResult<T> {
+    run_in(Words::Files, py, show, work)
+}
+
+/// [`run`], with messages in the words of the caller.
+pub(crate) fn run_in<T: Send>(
+    words: Words,
     py: Python<'_>,
     show: Option<&Py<PyAny>>,
     work: impl FnOnce(&ProgressHandle) -> Result<T, Failure> + Send,
@@ -107,28 +106,29 @@ pub(crate) fn run<T: Send>(
     let interrupted = Arc::new(AtomicBool::new(false));
     let reporter = Reporter { sender: sender.clone(), interrupted: interrupted.clone(), jobs: AtomicUsize::new(0) };
     let mut raised = None;
+    let warnings = Warnings::default();
+    let dispatch = warnings.dispatch();
     let outcome = std::thread::scope(|scope| {
         let worker = std::thread::Builder::new().name("depthcal".to_owned()).spawn_scoped(scope, move || {
             let handle = ProgressHandle::new(reporter);
-            let all = || in_threads_of_its_own(|| work(&handle)).flatten();
-            let outcome = catch_unwind(AssertUnwindSafe(all));
+            let outcome = caught(|| in_threads_of_its_own(&dispatch, || work(&handle)).flatten()).flatten();
             let _ = sender.send(Event::Done);
             outcome
         });
         let worker = match worker {
             Ok(worker) => worker,
-            Err(error) => return Ok(Err(input(format!("no thread can be started: {error}")))),
+            Err(error) => return Err(input(format!("no thread can be started: {error}"))),
         };
         listen(py, show, &receiver, &interrupted, &mut raised);
-        py.detach(|| worker.join().unwrap_or_else(Err))
+        py.detach(|| worker.join()).unwrap_or_else(|payload| Err(Failure::Python(exception_of(payload))))
     });
     if let Some(error) = raised {
         return Err(error);
     }
-    match outcome {
-        Ok(result) => Ok(result?),
-        Err(payload) => Err(exception_of(payload)),
-    }
+    // The reason of a failure before an error that a warning is turned into.
+    let told = warnings.tell(py, words);
+    let result = outcome.map_err(|failure| words.of_failure(failure))?;
+    told.map(|()| result)
 }
 
 /// Shows progress and listens for signals until all is done.
@@ -165,18 +165,4 @@ fn tell(py: Python<'_>, show: &Py<PyAny>, event: &Event) -> PyResult<()> {
         Event::Done => return Ok(()),
     };
     show.call1(py, told).map(drop)
-}
-
-/// The exception for the payload with which the thread that worked was unwound.
-fn exception_of(payload: Box<dyn Any + Send>) -> PyErr {
-    let payload = match payload.downcast::<Raised>() {
-        Ok(raised) => return raised.0,
-        Err(payload) => payload,
-    };
-    if payload.is::<Interrupted>() {
-        return PyKeyboardInterrupt::new_err(());
-    }
-    let words = payload.downcast_ref::<&str>().map(|s| (*s).to_owned());
-    let words = words.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();
-    Error::new_err(format!("depthcal failed where it must not: {words}; please report this as a bug"))
 }

@@ -8,9 +8,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::prelude::*;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder};
+use tracing::Dispatch;
+use tracing::dispatcher::with_default;
 
 use crate::failure::{Failure, input};
+use crate::unwound::caught;
 
 /// Memory of a thread that works, bytes: as much as a main thread usually has.
 const STACK: usize = 16 << 20;
@@ -29,10 +32,11 @@ fn not_started(error: impl std::fmt::Display) -> Failure {
     input(format!("threads cannot be started: {error}"))
 }
 
-/// Does the work of a long call in threads that are made for it and have ended when it returns.
-pub(crate) fn in_threads_of_its_own<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+/// Does the work of a long call in threads that are made for it and have ended when it returns. Log messages go to `log`.
+pub(crate) fn in_threads_of_its_own<T: Send>(log: &Dispatch, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
     let builder = builder(NUMBER.load(Ordering::Relaxed)).stack_size(STACK);
-    builder.build_scoped(|thread| thread.run(), |pool| pool.install(work)).map_err(not_started)
+    let started = |thread: ThreadBuilder| with_default(log, || thread.run());
+    builder.build_scoped(started, |pool| pool.install(work)).map_err(not_started)
 }
 
 /// Threads for frames. They are started by the first call, and again by the first one in a forked process or with another number.
@@ -65,6 +69,11 @@ impl FrameThreads {
         Self { number, started: Mutex::new(None) }
     }
 
+    /// Their number, where it was given.
+    pub fn number(&self) -> Option<usize> {
+        self.number
+    }
+
     fn pool(&self, _with_the_gil: Python<'_>) -> Result<Arc<ThreadPool>, Failure> {
         let (process, number) = (std::process::id(), self.number.unwrap_or_else(|| NUMBER.load(Ordering::Relaxed)));
         let mut started = self.started.lock().unwrap_or_else(PoisonError::into_inner);
@@ -78,10 +87,10 @@ impl FrameThreads {
         Ok(pool)
     }
 
-    /// Does the work in these threads without the GIL.
+    /// Does the work in these threads without the GIL. Exceptions of Python code that it calls are those of the call.
     pub fn run<T: Send>(&self, py: Python<'_>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
         let pool = self.pool(py)?;
-        Ok(py.detach(|| pool.install(work)))
+        py.detach(|| caught(|| pool.install(work)))
     }
 }
 

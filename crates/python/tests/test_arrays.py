@@ -324,7 +324,15 @@ def test_points_and_pixels_are_refused_by_name(small, words, make):
 
 BOARD = depthcal.Board.chessboard(4, 3, 20.0)
 IDS = np.array([0, 2, 3, 7, 11])
-PIXELS = np.random.default_rng(6).uniform(2, 40, (5, 2))
+
+
+def seen(ids, columns, spacing, seed):
+    """Where markers of a board that is seen from its front may be."""
+    random = np.random.default_rng(seed)
+    return 5 + spacing * np.stack([ids % columns, ids // columns], axis=1) + random.uniform(-1, 1, (len(ids), 2))
+
+
+PIXELS = seen(IDS, 4, 12, 6)
 STDS = np.array([0.1, 0.2, 0.1, 0.3, 0.1])
 
 
@@ -367,7 +375,7 @@ def test_markers_as_other_programs_have_them():
         (IDS.astype(np.uint64), PIXELS, STDS),
     ]:
         assert dataset(frame(ids, pixels, stds)).digest == expected.digest
-    everything = np.random.default_rng(7).uniform(2, 40, (12, 1, 2)).astype(np.float32)
+    everything = seen(np.arange(12), 4, 12, 7)[:, None].astype(np.float32)
     given = depthcal.Dataset.from_arrays(BOARD, [depthcal.Frame(everything)], size=SMALL[::-1])
     np.testing.assert_array_equal(given.markers("0000")[0], np.arange(12))
     np.testing.assert_array_equal(given.markers("0000")[1], everything[:, 0].astype(np.float64))
@@ -377,8 +385,7 @@ def test_markers_as_other_programs_have_them():
 def test_corners_of_another_program_of_any_layout(layout, tmp_path):
     folder = depthcal.simulate(tmp_path / "c", board="chessboard", frames=1, seed=1)
     name = sorted((folder / "image").iterdir())[0].stem
-    random = np.random.default_rng(8)
-    ids, pixels = np.arange(20), random.uniform(10, 400, (20, 2))
+    ids, pixels = np.arange(20), seen(np.arange(20), 9, 40, 8)
     given = depthcal.load(folder, corners={name: (layout(ids), layout(pixels))})
     same_bytes(given.markers(name)[0], ids)
     same_bytes(given.markers(name)[1], pixels)

@@ -125,8 +125,10 @@ def test_arguments_are_checked(corrector):
     ]:
         with pytest.raises(depthcal.InputError, match=words):
             corrector.correct(depth, **arguments)
-    with pytest.raises(TypeError, match="Calibration"):
+    with pytest.raises(depthcal.InputError, match="calibration.json"):
         depthcal.Corrector("calibration.json")
+    with pytest.raises(depthcal.InputError, match="calibration is a dict: give a Calibration"):
+        depthcal.Corrector({})
 
 
 def test_amplitude_and_time_reach_the_correction():
@@ -188,7 +190,9 @@ def test_uncertainty_and_mask_equal_the_command_line(cli, fit, images, tmp_path)
     depth = next(depth for _, depth in images.values())
     np.save(raw / "0.npy", depth)
     out = tmp_path / "out"
-    cli("apply", tmp_path / "fit" / "calibration.json", raw, "--unit-mm", 0.125, "--out", out, "--uncertainty", "--mask")
+    cli(
+        "apply", tmp_path / "fit" / "calibration.json", raw, "--unit-mm", 0.125, "--out", out, "--uncertainty", "--mask"
+    )
     assert (out / "sigma" / "0.tiff").is_file() and (out / "mask" / "0.png").is_file()
     corrector = depthcal.Corrector(depthcal.Calibration.load(tmp_path / "fit" / "calibration.json"))
     sigma = corrector.uncertainty(depth, 0.125)

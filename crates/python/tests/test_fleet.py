@@ -88,6 +88,30 @@ def test_an_array_task_does_its_part_and_no_more(tmp_path):
     assert (tmp_path / "out" / "simulated_1" / "report.html").exists()
 
 
+def test_two_cameras_in_folders_of_one_name_stay_two(tmp_path, folder):
+    """One is calibrated, the other fails: two rows, and the results of the first stay."""
+    import shutil
+
+    for camera in ("camA", "camB"):
+        shutil.copytree(folder, tmp_path / camera / "calib")
+    shutil.rmtree(next(path for path in (tmp_path / "camB" / "calib").iterdir() if path.is_dir()))
+    sources = [str(tmp_path / camera / "calib") for camera in ("camA", "camB")]
+    rows = [work.calibrate_camera(source, str(tmp_path / "out"), diagnose=False) for source in sources]
+    assert rows[0]["failed"] is None and rows[1]["failed"] is not None
+    table = work.table(str(tmp_path / "out")).to_pandas()
+    assert sorted(table["source"]) == sources and table["failed"].notna().sum() == 1
+    assert (tmp_path / "out" / work.unit_of(sources[0]) / "calibration.json").is_file()
+    assert work.unit_of(sources[0]).startswith("camA-calib-")
+
+
+def test_two_shards_of_one_name_are_refused(shards, calibration, tmp_path):
+    work.correct_shard(str(shards[0]), str(calibration), str(tmp_path / "out"), form="none")
+    other = tmp_path / shards[0].name
+    np.save(other, np.load(shards[1])[:2])
+    with pytest.raises(ValueError, match="another folder"):
+        work.correct_shard(str(other), str(calibration), str(tmp_path / "out"), form="none")
+
+
 def test_ray_survives_a_killed_worker_and_a_killed_driver(shards, calibration, tmp_path):
     pytest.importorskip("ray", reason="SKIPPED: Ray is not installed")
     program = [sys.executable, str(EXAMPLES / "ray" / "fleet.py"), "correct", *shards, "--calibration", calibration]

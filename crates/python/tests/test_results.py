@@ -25,9 +25,9 @@ def test_tables_are_data_frames(fit, dataset):
         == json.loads(fit._native.evaluation())["datasets"][0]["frames_detail"][0]["depth_rms_mm"]["after"]
     )
     covariance = fit.calibration.covariance
-    fx = covariance.loc["pinhole.fx", "pinhole.fx"]
+    fx = covariance.to_pandas().loc["pinhole.fx", "pinhole.fx"]
     assert np.isclose(np.sqrt(fx), frame.loc["pinhole.fx", "std_dev"], rtol=1e-6)
-    correlation = fit.calibration.correlation.to_numpy()
+    correlation = np.asarray(fit.calibration.correlation)
     known = ~np.isnan(np.diag(correlation))
     assert np.allclose(np.diag(correlation)[known], 1) and np.nanmax(np.abs(correlation)) < 1 + 1e-6
 
@@ -48,7 +48,7 @@ def test_figures(fit, dataset, points):
 
 
 def test_notebooks_show_results_inline(fit, dataset):
-    page = fit._repr_html_()
+    page = fit.report._repr_html_()
     assert page.startswith("<iframe") and "srcdoc" in page
     assert fit.report.html.startswith("<!") and dataset.name in fit.report.html
     assert "<td>pinhole.fx</td>" in fit.calibration._repr_html_()

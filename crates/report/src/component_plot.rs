@@ -2,13 +2,11 @@
 
 use depthcal_formula::FormulaCovariate;
 use depthcal_io::{DiagnosisComponent, DiagnosisComponentBin};
-use plotters::prelude::*;
 
-use crate::format::{number, significant};
+use crate::chart::Chart;
+use crate::format::significant;
 use crate::formula_plot::line_colour;
 
-/// Width and height of the picture.
-const SIZE: (u32, u32) = (720, 420);
 /// Half the length of the bars at the ends of an interval, as a share of the range.
 const CAP: f64 = 0.004;
 
@@ -28,10 +26,7 @@ pub fn component_plot(components: &[DiagnosisComponent]) -> Option<String> {
         return None;
     }
     let (across, up) = (0.02 * (to - from), 0.05 * (high - low));
-    let mut svg = String::new();
-    // The canvas is text in memory: drawing on it cannot fail, and a picture that lacks a part is no reason to stop.
-    let _ = draw(&mut svg, components, [from - across, to + across], [low - up, high + up]);
-    Some(svg)
+    Some(draw(components, [from - across, to + across], [low - up, high + up]))
 }
 
 /// The 95 % interval of a bin's residual; the residual alone where its error is unknown.
@@ -40,55 +35,26 @@ fn interval(bin: &DiagnosisComponentBin) -> [f64; 2] {
     [bin.residual_mm - half, bin.residual_mm + half]
 }
 
-fn draw(
-    svg: &mut String,
-    components: &[DiagnosisComponent],
-    [from, to]: [f64; 2],
-    [low, high]: [f64; 2],
-) -> Result<(), Box<dyn std::error::Error>> {
-    let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    area.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&area)
-        .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(84)
-        .build_cartesian_2d(from..to, low..high)?;
-    let name = components.first().map_or("", |c| c.over.as_str());
-    let over = FormulaCovariate::of(name).map_or(name, |c| c.words());
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .x_desc(over)
-        .y_desc("depth that the model lacks, mm")
-        .x_label_formatter(&|x| number(if x.abs() < 1e-9 * (to - from) { 0.0 } else { *x }))
-        .y_label_formatter(&|y| number(*y))
-        .draw()?;
-    let cap = CAP * (to - from);
+fn draw(components: &[DiagnosisComponent], across: [f64; 2], up: [f64; 2]) -> String {
+    let mut chart = Chart::new(across, up);
+    let cap = CAP * (across[1] - across[0]);
     for (i, component) in components.iter().enumerate() {
         let colour = line_colour(i, components.len());
-        chart.draw_series(component.bins.iter().map(|bin| {
+        for bin in &component.bins {
             let ([below, above], x) = (interval(bin), bin.at);
-            PathElement::new(
-                [(x - cap, below), (x + cap, below), (x, below), (x, above), (x - cap, above), (x + cap, above)],
-                colour.stroke_width(1),
-            )
-        }))?;
-        chart
-            .draw_series(component.bins.iter().map(|bin| Circle::new((bin.at, bin.residual_mm), 3, colour.filled())))?;
-        let line = component.bins.iter().map(|bin| (bin.at, bin.formula_mm));
-        let drawn = chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?;
+            let ends = [(x - cap, below), (x + cap, below), (x, below), (x, above), (x - cap, above), (x + cap, above)];
+            chart.line(ends, &colour, 1);
+            chart.point(x, bin.residual_mm, &colour);
+        }
+        chart.line(component.bins.iter().map(|bin| (bin.at, bin.formula_mm)), &colour, 2);
         if let Some(part) = &component.part_of {
             let [a, b] = part.range;
-            drawn
-                .label(format!("{} {} to {}", part.covariate, significant(a, 2), significant(b, 2)))
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
+            chart.key(&format!("{} {} to {}", part.covariate, significant(a, 2), significant(b, 2)), &colour);
         }
     }
-    if components.iter().any(|c| c.part_of.is_some()) {
-        chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()?;
-    }
-    area.present()?;
-    Ok(())
+    let name = components.first().map_or("", |c| c.over.as_str());
+    let over = FormulaCovariate::of(name).map_or(name, |c| c.words());
+    chart.svg("", [over, "depth that the model lacks, mm"])
 }
 
 #[cfg(test)]
@@ -114,12 +80,8 @@ mod tests {
         let svg = component_plot(&[component(1.0), component(-2.0)]).unwrap();
         assert_eq!(svg.matches("<circle").count(), 20, "{svg}");
         assert!(!svg.contains("href"), "no reference to anything else");
-        let colour = |i| {
-            let RGBColor(r, g, b) = line_colour(i, 2);
-            format!("#{r:02X}{g:02X}{b:02X}")
-        };
         for i in 0..2 {
-            assert!(svg.contains(&colour(i)), "{}", colour(i));
+            assert!(svg.contains(&line_colour(i, 2)), "{}", line_colour(i, 2));
         }
     }
 

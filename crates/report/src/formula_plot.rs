@@ -3,12 +3,10 @@
 use depthcal_formula::{FormulaCovariate, FormulaEffect};
 use depthcal_model::AddsTo;
 use depthcal_model::hook::HookKind;
-use plotters::prelude::*;
 
-use crate::format::{number, significant};
+use crate::chart::Chart;
+use crate::format::significant;
 
-/// Width and height of the picture.
-const SIZE: (u32, u32) = (720, 420);
 /// Points of a line.
 const POINTS: usize = 240;
 /// Lines for a second covariate.
@@ -63,12 +61,9 @@ pub fn formula_plot(effect: &FormulaEffect) -> String {
     let (low, high) = if low < high { (low, high) } else { (low.min(0.0) - 1.0, high.max(0.0) + 1.0) };
     let margin = 0.05 * (high - low);
 
-    let mut svg = String::new();
-    // The canvas is text in memory: drawing on it cannot fail, and a picture that lacks a part is no reason to stop.
-    let _ = draw(&mut svg, effect, [from, to], [low - margin, high + margin], &curves, |line| {
-        covariates.get(1).map(|second| format!("{} = {}", second.name(), significant(at_line(line), 3)))
-    });
-    svg
+    let label =
+        |line: usize| covariates.get(1).map(|second| format!("{} = {}", second.name(), significant(at_line(line), 3)));
+    draw(effect, Chart::new([from, to], [low - margin, high + margin]), &curves, label)
 }
 
 /// The unit of what a formula adds.
@@ -83,52 +78,24 @@ fn unit(effect: &FormulaEffect) -> &'static str {
 }
 
 /// The colour of one of several lines: from blue to orange, which all eyes tell apart.
-pub(crate) fn line_colour(line: usize, lines: usize) -> RGBColor {
+pub(crate) fn line_colour(line: usize, lines: usize) -> String {
     let share = if lines > 1 { line as f64 / (lines - 1) as f64 } else { 0.0 };
     let mix = |a: f64, b: f64| (a + (b - a) * share) as u8;
-    RGBColor(mix(31.0, 230.0), mix(119.0, 120.0), mix(180.0, 20.0))
+    format!("#{:02X}{:02X}{:02X}", mix(31.0, 230.0), mix(119.0, 120.0), mix(180.0, 20.0))
 }
 
-fn draw(
-    svg: &mut String,
-    effect: &FormulaEffect,
-    [from, to]: [f64; 2],
-    [low, high]: [f64; 2],
-    curves: &[Line],
-    label: impl Fn(usize) -> Option<String>,
-) -> Result<(), Box<dyn std::error::Error>> {
-    let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    area.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&area)
-        .caption(effect.text(), ("sans-serif", 18))
-        .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(84)
-        .build_cartesian_2d(from..to, low..high)?;
-    let over = effect.covariates().first().map_or("", |c: &FormulaCovariate| c.words());
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .x_desc(over)
-        .y_desc(unit(effect))
-        .x_label_formatter(&|x| number(if x.abs() < 1e-9 * (to - from) { 0.0 } else { *x }))
-        .y_label_formatter(&|y| number(*y))
-        .draw()?;
+fn draw(effect: &FormulaEffect, mut chart: Chart, curves: &[Line], label: impl Fn(usize) -> Option<String>) -> String {
     let lines = curves.iter().map(|line| line.number + 1).max().unwrap_or(1);
     for Line { output, number: line, points } in curves {
         let colour = line_colour(*line, lines);
         let points = points.iter().copied().filter(|(_, y)| y.is_finite());
-        let drawn =
-            chart.draw_series(LineSeries::new(points, colour.stroke_width(if *output == 0 { 2 } else { 1 })))?;
+        chart.line(points, &colour, if *output == 0 { 2 } else { 1 });
         if let Some(text) = label(*line).filter(|_| *output == 0) {
-            drawn.label(text).legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
+            chart.key(&text, &colour);
         }
     }
-    if label(0).is_some() {
-        chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()?;
-    }
-    area.present()?;
-    Ok(())
+    let over = effect.covariates().first().map_or("", |c: &FormulaCovariate| c.words());
+    chart.svg(&effect.text(), [over, unit(effect)])
 }
 
 #[cfg(test)]

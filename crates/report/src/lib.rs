@@ -28,6 +28,7 @@
 
 mod binned;
 mod board_view;
+mod chart;
 mod checks;
 mod comparison;
 mod component_plot;

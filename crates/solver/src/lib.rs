@@ -176,6 +176,9 @@ pub use uncertainty::covariance::{Covariance, CovarianceOptions};
 pub use uncertainty::error::CovarianceError;
 pub use uncertainty::null_direction::{NullComponent, NullDirection};
 
+/// Vectors, rotations and poses of variables, in the version that this crate has.
+pub use nalgebra;
+
 /// The snippet of the README is a test.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -131,7 +131,7 @@ fn of_image(
 }
 
 /// Whether the affine map nearest to the markers turns the board over.
-fn is_mirrored(markers: &[MarkerObservation], target: &Target) -> bool {
+pub(super) fn is_mirrored(markers: &[MarkerObservation], target: &Target) -> bool {
     let (mut normal, mut right) = (Matrix3::zeros(), [Vector3::zeros(); 2]);
     for marker in markers {
         let [x, y] = target.point(marker.index);
@@ -143,7 +143,8 @@ fn is_mirrored(markers: &[MarkerObservation], target: &Target) -> bool {
     }
     let Some(solver) = normal.cholesky() else { return false };
     let [u, v] = right.map(|sum| solver.solve(&sum));
-    u[1] * v[2] - u[2] * v[1] < 0.0
+    // Square pixels of a cell of the grid; rounding where all markers are in one place.
+    u[1] * v[2] - u[2] * v[1] < -1e-6
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use depthcal_model::Target;
 
 use super::error::LoadError;
+use super::given_markers::is_mirrored;
 use crate::observe::MarkerObservation;
 
 /// Markers by the names of frames.
@@ -27,7 +28,7 @@ pub(super) fn markers_of(
     Ok(names.iter().map(|name| given.get(*name).cloned().unwrap_or_default()).collect())
 }
 
-/// Refuses markers that the board does not have, have no place in the image, or are given twice.
+/// Refuses markers that the board does not have, have no place in the image, are given twice, or run as on a board from behind.
 pub(super) fn check(frame: &str, markers: &[MarkerObservation], target: &Target) -> Result<(), LoadError> {
     let fault = |problem: String| Err(LoadError::Marker { frame: frame.to_owned(), problem });
     let mut seen = vec![false; target.len()];
@@ -49,6 +50,10 @@ pub(super) fn check(frame: &str, markers: &[MarkerObservation], target: &Target)
                 format!("marker {index} has the standard deviation {} px: give a positive number", marker.std_px);
             return fault(problem);
         }
+    }
+    if is_mirrored(markers, target) {
+        let remedy = "give (u, v), the column before the row, and rows of markers that run to the right and follow each other downwards";
+        return fault(format!("the markers run as on a board seen from behind: {remedy} on the print"));
     }
     Ok(())
 }

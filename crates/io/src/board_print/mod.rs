@@ -4,10 +4,12 @@ mod error;
 mod page;
 mod paper;
 mod pdf;
+mod print;
 mod svg;
 
 pub use error::BoardPrintError;
 pub use page::{BoardPage, TagCells};
 pub use paper::Paper;
 pub use pdf::board_pdf;
+pub use print::{BoardFileError, BoardFiles, write_board};
 pub use svg::board_svg;

@@ -17,10 +17,12 @@ array of another type than is asked for, or with a mask, is an error.
 >>> corrected = corrector.correct(depth, unit_mm=1.0)
 
 Exceptions are those of the command line, with its messages: :class:`InputError` where files, arrays or arguments are at fault (exit
-code 1) and :class:`UntrustedFitError` where a fit cannot be trusted (exit code 2), both of the class :class:`Error`.
+code 1) and :class:`UntrustedFitError` where a fit cannot be trusted (exit code 2), both of the class :class:`Error`. What the command
+line warns of are warnings of the class :class:`DepthcalWarning`. :mod:`depthcal.solver` solves other least-squares problems.
 """
 
-from ._calibration import Calibration, Parameter
+from . import solver
+from ._calibration import Calibration, Extrinsics, Parameter
 from ._compare import ComparedModel, Comparison, compare
 from ._dataset import Board, Dataset, Frame, FrameInfo, load
 from ._depthcal import (
@@ -38,6 +40,7 @@ from ._effects import Effect, EffectCost, EffectWarning, effect, read_effects
 from ._evaluate import DatasetErrors, Evaluation, FrameErrors, TransferError, evaluate
 from ._fit import Fit, calibrate
 from ._fleet import Fleet, FleetEffect, FleetOutlier, FleetParameter, fleet
+from ._import import import_recording
 from ._registration import Registered, Registration
 from ._report import Report
 from ._rig import (
@@ -52,7 +55,8 @@ from ._rig import (
     load_rig,
 )
 from ._simulate import simulate, simulate_points
-from ._tables import Table
+from ._tables import Matrix, Table
+from ._warnings import DepthcalWarning
 
 __all__ = [
     "Board",
@@ -62,6 +66,7 @@ __all__ = [
     "Corrector",
     "Dataset",
     "DatasetErrors",
+    "DepthcalWarning",
     "Diagnosis",
     "Difference",
     "DifferenceAt",
@@ -70,6 +75,7 @@ __all__ = [
     "EffectWarning",
     "Error",
     "Evaluation",
+    "Extrinsics",
     "Fit",
     "Fleet",
     "FleetEffect",
@@ -79,6 +85,7 @@ __all__ = [
     "FrameErrors",
     "FrameInfo",
     "InputError",
+    "Matrix",
     "Parameter",
     "Registered",
     "Registration",
@@ -104,10 +111,12 @@ __all__ = [
     "evaluate_rig",
     "fleet",
     "has_detection",
+    "import_recording",
     "load",
     "load_rig",
     "read_effects",
     "set_threads",
     "simulate",
     "simulate_points",
+    "solver",
 ]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from . import _depthcal, _progress
-from ._dataset import Dataset
+from ._arguments import whole
+from ._dataset import Dataset, dataset_of, datasets_of
 from ._effects import EffectLike, in_words, model_in_words
 from ._report import Reported
 from ._tables import Table
@@ -62,7 +64,8 @@ def _models(models: list[dict[str, Any]]) -> Table[ComparedModel]:
 
 
 class Comparison(Reported):
-    """Depth models on data that their fits did not use: what ``depthcal compare`` writes."""
+    """Depth models on data that their fits did not use: what ``depthcal compare`` writes. Of a rig, :attr:`cameras` has the comparison on
+    each camera with depth."""
 
     def __init__(self, native: _depthcal.Comparison) -> None:
         self._native = native
@@ -71,6 +74,11 @@ class Comparison(Reported):
     def record(self) -> dict[str, Any]:
         """The contents of ``comparison.json``."""
         return json.loads(self._native.json())
+
+    @property
+    def cameras(self) -> dict[str, Comparison]:
+        """The comparison on every camera with depth, by its name."""
+        return {name: Comparison(self._native.camera(name)) for name in self._native.cameras()}
 
     @property
     def models(self) -> Table[ComparedModel]:
@@ -93,16 +101,21 @@ class Comparison(Reported):
 
         return models(self.models, ax)
 
+    def _summary(self) -> list[Any]:
+        return [self.models] if self._native.is_of_one() else []
+
     def __repr__(self) -> str:
+        if not self._native.is_of_one():
+            return "\n\n".join(f"[{name}]\n{camera!r}" for name, camera in self.cameras.items())
         tables = "\n\n".join(f"{title}\n{text}" for title, text in self._native.tables())
         return tables + "\n" + "\n".join(self.verdict)
 
 
 def compare(
-    train: Dataset,
+    train: Dataset | str | os.PathLike[str],
     *,
     models: Sequence[EffectLike | Sequence[EffectLike]] = ("none", "projective:xw", "projective"),
-    verify: Dataset | Sequence[Dataset] = (),
+    verify: Dataset | str | os.PathLike[str] | Sequence[Dataset | str | os.PathLike[str]] = (),
     effects: Sequence[EffectLike] = (),
     lens: str | None = None,
     folds: int = 6,
@@ -110,26 +123,32 @@ def compare(
     learning: int = 0,
     progress: _progress.Progress = None,
 ) -> Comparison:
-    """Fits depth models to ``train`` and compares their errors on ``verify`` or, without it, by cross-validation in ``folds`` parts.
+    """Fits depth models to ``train``, of a rig to each of its cameras with depth, and compares their errors on ``verify`` or, without it, by cross-validation in ``folds`` parts.
 
     ``models`` are as :func:`calibrate` takes them, ``effects`` are part of every model. ``thesis`` adds the tables of Sjöholm 2017,
     ``learning`` fits per number of frames of the learning curve; the command line makes both unless told otherwise.
     Raises :class:`InputError`, and :class:`UntrustedFitError` where no model can be fitted.
     """
+    train = dataset_of(train, "train")
     texts, natives = in_words(effects)
     words = []
-    for model in models:
+    for model in [models] if isinstance(models, str) else models:
         text, more = model_in_words(model)
         words.append(text)
         natives += more
     unique = list({native.name: native for native in natives}.values())
-    others = [verify] if isinstance(verify, Dataset) else list(verify)
+    others = datasets_of(verify, "verify")
     call = f"depthcal.compare(depthcal.load({train._native.path!r}), models={words!r})"
     native = _depthcal.compare(
         train._native,
         [dataset._native for dataset in others],
         {"model": "projective", "with": texts, "effects": unique, "lens": lens},
-        {"models": words, "folds": folds, "thesis": thesis, "learning": learning},
+        {
+            "models": words,
+            "folds": whole("folds", folds, 2),
+            "thesis": thesis,
+            "learning": whole("learning", learning, 0),
+        },
         call,
         _progress.show(progress),
     )

@@ -6,11 +6,14 @@ import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Optional, Union
 
 import numpy as np
 
 from . import _depthcal, _progress
+from ._arguments import is_path, type_of
+from ._calibration import pinhole_of
 from ._depthcal import InputError
 from ._tables import Table
 
@@ -59,6 +62,17 @@ class Board:
     def charuco(cls, columns: int, rows: int, spacing_mm: float, marker_mm: float, dictionary: str) -> Board:
         """A ChArUco board of ``columns`` × ``rows`` squares. Markers are its inner corners with OpenCV's ids."""
         return cls("charuco", columns, rows, spacing_mm, marker_mm=marker_mm, dictionary=dictionary)
+
+    @classmethod
+    def aprilgrid(cls, columns: int, rows: int, spacing_mm: float, marker_mm: float) -> Board:
+        """An AprilGrid of ``columns`` × ``rows`` tags of ``marker_mm``, at distances of ``spacing_mm``."""
+        return cls("aprilgrid", columns, rows, spacing_mm, marker_mm=marker_mm)
+
+    def save(self, path: str | os.PathLike[str], *, paper: str | None = None) -> list[Path]:
+        """Writes the board to print, to scale and with a ruler, as ``depthcal board`` does: a file .pdf or .svg, and the section
+        ``[board]`` of a dataset.toml beside it. ``paper`` is a0 … a5, letter, legal, tabloid, or width x height in mm; without it the
+        smallest of A4 … A0 that holds the board. Returns the paths. Raises :class:`InputError`."""
+        return [Path(written) for written in _depthcal.write_board(self._json(), os.fspath(path), paper)[3]]
 
     def _json(self) -> str:
         fields: dict[str, Any] = {
@@ -138,7 +152,9 @@ def _arrays(frame: str, corners: Corners) -> _depthcal.Markers:
         raise InputError(
             f"frame '{frame}': corners have {len(corners)} parts: give (ids, array) or (ids, array, deviations)"
         )
-    return corners[0], corners[1], corners[2] if len(corners) > 2 else None
+    parts: tuple[Any, ...] = corners
+    ids, pixels, *deviations = parts
+    return ids, pixels, deviations[0] if deviations else None
 
 
 class Dataset:
@@ -177,10 +193,9 @@ class Dataset:
         """
         listed = []
         for number, frame in enumerate(frames):
-            own = frame.name if frame.name is not None else f"{number:04d}"
-            listed.append(
-                (own, frame.image, frame.depth, _arrays(own, frame.corners), frame.timestamp_s, frame.temperature_c)
-            )
+            named = frame.name if frame.name is not None else f"{number:04d}"
+            markers = _arrays(named, frame.corners)
+            listed.append((named, frame.image, frame.depth, markers, frame.timestamp_s, frame.temperature_c))
             for array in (frame.image, frame.depth):
                 shape = getattr(array, "shape", ())
                 if size is None and len(shape) == 2:
@@ -189,16 +204,40 @@ class Dataset:
             raise InputError("the size of the images is unknown: give size=(width, height), an image or a depth image")
         given = None
         if intrinsics is not None:
-            k = _depthcal.real_numbers("intrinsics", intrinsics)
-            numbers = [k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]] if k.shape == (3, 3) else [*k.reshape(-1), 0.0][:5]
-            if len(numbers) < 5:
-                raise InputError("intrinsics: give fx, fy, cx, cy in px, or a matrix (3, 3)")
-            given = (
-                *(float(n) for n in numbers),
-                _depthcal.real_numbers("distortion", distortion).reshape(-1).tolist(),
-            )
+            coefficients = _depthcal.real_numbers("distortion", distortion).reshape(-1).tolist()
+            given = (*pinhole_of(intrinsics), coefficients)
         camera = {"size": size, "unit_mm": unit_mm, "intrinsics": given, "lens": lens, "fixed": fixed}
         return cls(_depthcal.from_memory(name, board._json(), camera, listed))
+
+    @classmethod
+    def from_cameras(
+        cls,
+        cameras: Mapping[str, Dataset],
+        *,
+        extrinsics: Mapping[str, np.ndarray] | None = None,
+        name: str = "arrays",
+    ) -> Dataset:
+        """A dataset of several cameras on one body from a dataset of each, the first of which is the reference. Frames with one name
+        were taken together.
+
+        >>> rig = depthcal.Dataset.from_cameras({"infrared": infrared, "colour": colour})
+
+        ``extrinsics`` are those that are known, which no fit changes: a matrix (4, 4) or (3, 4) by the name of a camera, which takes points
+        of the reference's frame to the camera's, mm. Raises :class:`InputError`.
+        """
+        known = dict(extrinsics or {})
+        listed = []
+        for camera, dataset in cameras.items():
+            if not isinstance(dataset, Dataset):
+                raise InputError(f"camera '{camera}' is a {type_of(dataset)}: give a Dataset of each camera")
+            listed.append((camera, dataset._native, _rows(camera, known.pop(camera, None))))
+        if known:
+            raise InputError(f"extrinsics are given for {', '.join(known)}, but the cameras are {', '.join(cameras)}")
+        return cls(_depthcal.from_cameras(name, listed))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # All that a fit reads travels with it, images included: the folder that it came from may not be where it goes.
+        return _of_state, self._native.state()
 
     @property
     def name(self) -> str:
@@ -279,10 +318,45 @@ class Dataset:
         )
 
     def plot(self, ax: Any = None) -> Any:
-        """Where the markers of all frames lie in the image. Returns matplotlib's axes."""
+        """Where the markers of all frames lie in the image, of several cameras in a figure for each. Returns matplotlib's axes, of
+        several cameras a list of them, as ``ax`` is then."""
         from ._plots import coverage
 
         return coverage(self, ax)
+
+
+def _of_state(text: str, arrays: list[np.ndarray]) -> Dataset:
+    """A pickled dataset."""
+    return Dataset(_depthcal.Dataset.of_state(text, arrays))
+
+
+def _rows(camera: str, given: Any) -> list[float] | None:
+    """The rows of (R | t) of extrinsics."""
+    if given is None:
+        return None
+    matrix = _depthcal.real_numbers(f"extrinsics of '{camera}'", given)
+    if matrix.shape not in ((3, 4), (4, 4)):
+        raise InputError(f"extrinsics of '{camera}' have the shape {matrix.shape}: give a matrix (4, 4) or (3, 4)")
+    r = matrix[:3, :3]
+    if not np.allclose(r @ r.T, np.eye(3), atol=1e-3) or np.linalg.det(r) < 0:
+        raise InputError(f"extrinsics of '{camera}': the first three columns are no rotation")
+    return matrix[:3].reshape(-1).tolist()
+
+
+def dataset_of(given: Any, name: str = "dataset") -> Dataset:
+    """The dataset itself, or the one in a folder."""
+    if isinstance(given, Dataset):
+        return given
+    if is_path(given):
+        return load(given)
+    raise InputError(
+        f"{name} is a {type_of(given)}: give a Dataset, as depthcal.load and Dataset.from_arrays make it, or the folder of one"
+    )
+
+
+def datasets_of(given: Any, name: str) -> list[Dataset]:
+    """A dataset or a folder, or several of them."""
+    return [dataset_of(one, name) for one in ([given] if isinstance(given, Dataset) or is_path(given) else given)]
 
 
 def load(

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from . import _depthcal, _progress
 from ._calibration import Calibration
-from ._dataset import Dataset
+from ._dataset import Dataset, dataset_of
 from ._depthcal import InputError
 from ._effects import Effect, EffectLike, in_words, model_in_words
 from ._evaluate import Judged
+from ._fit import Fixed, fixed_in_words, parts_of
 from ._tables import Table
 
 
@@ -65,7 +67,9 @@ class Diagnosis(Judged):
         """The record of one camera."""
         record = self.record
         if "cameras" in record:
-            raise InputError(f"the diagnosis is of several cameras: take one of .cameras, {', '.join(self._native.cameras())}")
+            raise InputError(
+                f"the diagnosis is of several cameras: take one of .cameras, {', '.join(self._native.cameras())}"
+            )
         return record
 
     @property
@@ -132,23 +136,32 @@ class Diagnosis(Judged):
         """Formulas that were found, for ``effects`` of further calls."""
         return [Effect(native) for native in self._native.formulas()]
 
+    def scores(self) -> dict[str, Any] | None:
+        """The contents of ``scores.json`` of one camera's last model, see :meth:`Fit.scores`."""
+        text = self._native.scores()
+        return None if text is None else json.loads(text)
+
     def plot(self, ax: Any = None) -> Any:
         """Held-out depth error before and after every step. Returns matplotlib's axes."""
         from ._plots import steps
 
         return steps(self, ax)
 
+    def _summary(self) -> list[Any]:
+        return [self.errors]
+
     def __repr__(self) -> str:
         return self._native.text()
 
 
 def diagnose(
-    dataset: Dataset,
+    dataset: Dataset | str | os.PathLike[str],
     *,
-    verify: Dataset | None = None,
+    verify: Dataset | str | os.PathLike[str] | None = None,
     model: EffectLike | Sequence[EffectLike] = "projective",
     effects: Sequence[EffectLike] = (),
     candidates: Sequence[Effect] = (),
+    fixed: Fixed = (),
     lens: str | None = None,
     folds: int = 5,
     discovery: bool = True,
@@ -158,20 +171,23 @@ def diagnose(
     so on; errors before and after are those of frames that the fits did not use. Of a dataset of several cameras, each with depth is
     examined, extrinsics that drift are tested, and all cameras are adjusted jointly again.
 
-    ``model`` and ``effects`` are what it starts from, as in :func:`calibrate`. ``candidates`` are effects of your own that are tested like
+    ``model``, ``effects`` and ``fixed`` are what it starts from, as in :func:`calibrate`. ``candidates`` are effects of your own that are tested like
     those of the catalogue. ``verify`` is another dataset of the same camera, on which errors are reported. ``discovery=False`` searches no
     formulas for what the known effects leave.
     Raises :class:`InputError` and :class:`UntrustedFitError`.
     """
+    dataset = dataset_of(dataset)
+    verify = None if verify is None else dataset_of(verify, "verify")
     model_text, natives = model_in_words(model)
     texts, more = in_words(effects)
+    texts += fixed_in_words(fixed)
     call = f"depthcal.diagnose(depthcal.load({dataset._native.path!r}), model={model_text!r})"
     every = natives + more + in_words(candidates)[1]
     native = _depthcal.diagnose(
         dataset._native,
         None if verify is None else verify._native,
         {"model": model_text, "with": texts, "effects": every, "lens": lens},
-        {"folds": folds, "discovery": discovery},
+        {"folds": parts_of("folds", folds, dataset), "discovery": discovery},
         call,
         _progress.show(progress),
     )

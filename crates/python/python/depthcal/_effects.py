@@ -6,7 +6,6 @@ import functools
 import inspect
 import json
 import os
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Union
@@ -15,6 +14,7 @@ import numpy as np
 
 from . import _depthcal
 from ._depthcal import InputError
+from ._warnings import DepthcalWarning, warn
 
 #: Usual ranges of the covariates, at which functions are checked: images of 640×480, a field of view of 65°, 0.4 m to 4 m.
 _RANGES = {
@@ -51,7 +51,7 @@ _CLOSER = 4
 _TYPICAL = {"depth": 1.0, "inverse_depth": 1e-6, "factor": 1e-3}
 
 
-class EffectWarning(UserWarning):
+class EffectWarning(DepthcalWarning):
     """Something about an effect that may be meant, but is unusual."""
 
 
@@ -381,8 +381,7 @@ def _check_derivatives(
 
 
 def _warn(text: str) -> None:
-    """A warning at the line that makes the effect."""
-    warnings.warn(text, EffectWarning, stacklevel=6)
+    warn(text, EffectWarning)
 
 
 #: Values of a function at places along a line, and the ends of the line.

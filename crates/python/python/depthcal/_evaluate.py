@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from . import _depthcal, _progress
-from ._calibration import Calibration
-from ._dataset import Dataset
+from ._calibration import calibration_of
+from ._dataset import Dataset, datasets_of
+from ._depthcal import InputError
 from ._effects import EffectLike, in_words
 from ._report import Reported
 from ._tables import Table
@@ -179,30 +180,38 @@ class Evaluation(Reported):
         return self._native.dropped()
 
     def plot(self, ax: Any = None) -> Any:
-        """Depth errors of every frame before and after correction. Returns matplotlib's axes."""
+        """Depth errors of every frame before and after correction, of several cameras in a figure for each. Returns matplotlib's axes,
+        of several cameras a list of them, as ``ax`` is then."""
         from ._plots import errors_of_frames
 
         return errors_of_frames(self.frames, ax)
+
+    def _summary(self) -> list[Any]:
+        return [self.datasets]
 
     def __repr__(self) -> str:
         return self._native.table()
 
 
 def evaluate(
-    calibration: Calibration,
-    datasets: Dataset | Sequence[Dataset],
+    calibration: Any,
+    datasets: Dataset | str | os.PathLike[str] | Sequence[Dataset | str | os.PathLike[str]],
     *,
     effects: Sequence[EffectLike] = (),
     progress: _progress.Progress = None,
 ) -> Evaluation:
-    """Measures a calibration's errors on datasets, before and after correction.
+    """Measures a calibration's errors on datasets, before and after correction. ``calibration`` is a :class:`Calibration`, a fit, a diagnosis,
+    or the path of a ``calibration.json``; datasets may be their folders.
 
     Poses are estimated from the images alone, with camera and lens of the calibration fixed. The cameras of a rig are found by their names,
     and errors from camera to camera are measured too. ``effects`` are files of formulas with
     values, which the camera is given in addition.
     Raises :class:`InputError` where images have another size than the calibration's, or a dataset has none of its cameras.
     """
-    listed = [datasets] if isinstance(datasets, Dataset) else list(datasets)
+    calibration = calibration_of(calibration)
+    listed = datasets_of(datasets, "datasets")
+    if not listed:
+        raise InputError("datasets is empty: give at least one")
     texts = [os.fspath(text) if not isinstance(text, str) else text for text in in_words(effects)[0]]
     names = ", ".join(dataset.name for dataset in listed)
     call = f"depthcal.evaluate(calibration, [{names}])"

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from . import _depthcal, _progress
+from ._arguments import is_path, type_of
+from ._calibration import Calibration
+from ._depthcal import InputError
 from ._effects import EffectLike, in_words
 from ._report import Reported
 from ._tables import Table
@@ -132,26 +136,65 @@ class Fleet(Reported):
         ]
         return Table(rows, "unit", FleetOutlier)
 
+    def _summary(self) -> list[Any]:
+        return [self.parameters, self.outliers]
+
     def __repr__(self) -> str:
         return self._native.text()
 
 
+#: A unit in memory, or the path of a calibration, of a folder of results, or of a folder of such folders.
+Unit = Any
+
+
+def _unit(name: str, given: Unit) -> tuple[str, str, str | None]:
+    """Name of a unit, JSON of its calibration and of its scores."""
+    calibration = given if isinstance(given, Calibration) else getattr(given, "calibration", None)
+    if not isinstance(calibration, Calibration):
+        raise InputError(
+            f"calibrations: {name} is a {type_of(given)}: give a Fit, a Diagnosis, a Calibration or a path"
+        )
+    if calibration.cameras:
+        raise InputError(f"calibrations: {name} is of several cameras: save it, and give the folders of one of them")
+    scores = getattr(given, "scores", None)
+    found = scores() if callable(scores) else None
+    return name, calibration._native.json(), None if found is None else json.dumps(found)
+
+
+def _units(given: Any) -> tuple[list[str], list[tuple[str, str, str | None]]]:
+    """Paths, and units in memory by names that differ."""
+    if isinstance(given, Mapping):
+        return [], [_unit(str(name), unit) for name, unit in given.items()]
+    listed = [given] if is_path(given) or not isinstance(given, Iterable) else list(given)
+    paths = [os.fspath(unit) for unit in listed if is_path(unit)]
+    units: list[tuple[str, str, str | None]] = []
+    for unit in listed:
+        if is_path(unit):
+            continue
+        name, calibration, scores = _unit("a unit", unit)
+        name = Path(json.loads(calibration)["dataset"]["path"]).name or name
+        same = sum(other.rpartition(" #")[0] == name or other == name for other, _, _ in units)
+        units.append((f"{name} #{same + 1}" if same else name, calibration, scores))
+    return paths, units
+
+
 def fleet(
-    calibrations: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    calibrations: Unit | Sequence[Unit] | Mapping[str, Unit],
     *,
     level: float = 0.01,
     effects: Sequence[EffectLike] = (),
     progress: _progress.Progress = None,
 ) -> Fleet:
-    """Joins the calibrations of many cameras of one type (docs/fleets.md): files, folders of results, or folders of such folders.
+    """Joins the calibrations of many cameras of one type (docs/fleets.md): fits, diagnoses and calibrations in memory, by their names where a
+    dictionary is given; files, folders of results, or folders of such folders.
 
-    Effects are found that no unit alone shows, where ``scores.json`` lies next to each calibration, as :meth:`Fit.save` and
-    :meth:`Diagnosis.save` write it. ``level`` is the chance of any false finding in each family of tests; ``effects`` are the functions of
-    Python that models have. The files are those of the command line, to the byte.
+    Effects are found that no unit alone shows, where units are fits or diagnoses, or where ``scores.json`` lies next to a calibration, as
+    :meth:`Fit.save` and :meth:`Diagnosis.save` write it. ``level`` is the chance of any false finding in each family of tests; ``effects``
+    are the functions of Python that models have. Of files the result is that of the command line, to the byte.
     Raises :class:`InputError`, and :class:`UntrustedFitError` where a covariance is not positive definite.
     """
-    listed = [calibrations] if isinstance(calibrations, (str, os.PathLike)) else list(calibrations)
-    paths = [os.fspath(path) for path in listed]
+    paths, units = _units(calibrations)
     words = f", level={level!r}" if level != 0.01 else ""
-    call = f"depthcal.fleet({(paths[0] if len(paths) == 1 else paths)!r}{words})"
-    return Fleet(_depthcal.fleet(paths, level, in_words(effects)[1], call, _progress.show(progress)))
+    named = [*paths, *(name for name, _, _ in units)]
+    call = f"depthcal.fleet({(named[0] if len(named) == 1 else named)!r}{words})"
+    return Fleet(_depthcal.fleet(paths, units, level, in_words(effects)[1], call, _progress.show(progress)))

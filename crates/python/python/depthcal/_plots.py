@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._depthcal import InputError
+
 if TYPE_CHECKING:
     from ._calibration import Calibration
     from ._compare import ComparedModel
@@ -23,8 +25,25 @@ def _axes(ax: Any, size: tuple[float, float]) -> Any:
     return pyplot.subplots(figsize=size, layout="constrained")[1]
 
 
+def _several(ax: Any, count: int, size: tuple[float, float]) -> list[Any]:
+    """Axes for as many figures."""
+    if ax is None:
+        from matplotlib import pyplot
+
+        rows = pyplot.subplots(count, 1, figsize=(size[0], size[1] * count), layout="constrained", squeeze=False)[1]
+        return list(rows[:, 0])
+    given = list(np.asarray(ax, dtype=object).reshape(-1))
+    if len(given) != count:
+        raise InputError(f"ax has {len(given)} axes: give {count}, one for each camera")
+    return given
+
+
 def coverage(dataset: Dataset, ax: Any = None) -> Any:
     """Markers of all frames in the image."""
+    if len(dataset.cameras) > 1:
+        with_images = [name for name in dataset.cameras if any(f.markers for f in dataset.camera(name).frames)]
+        axes = _several(ax, len(with_images), (6, 4.5))
+        return [coverage(dataset.camera(name), part) for name, part in zip(with_images, axes)]
     ax = _axes(ax, (6, 4.5))
     for frame in dataset.frames:
         _, pixels = dataset.markers(frame.name)
@@ -36,10 +55,18 @@ def coverage(dataset: Dataset, ax: Any = None) -> Any:
 
 
 def errors_of_frames(frames: Table[FrameErrors], ax: Any = None) -> Any:
-    """Depth errors of every frame before and after correction; reprojection errors where there is no depth."""
-    ax = _axes(ax, (8, 4))
-    last = frames[len(frames) - 1].dataset if len(frames) else ""
-    rows = [row for row in frames if row.dataset == last]
+    """Depth errors of every frame before and after correction; reprojection errors where there is no depth. Of the datasets of several
+    cameras those that are judged alike, fitted or held out, as the last."""
+    datasets = list(dict.fromkeys(row.dataset for row in frames))
+    judged = [name for name in datasets if name.partition(" (")[2] == datasets[-1].partition(" (")[2]]
+    if len(judged) > 1:
+        axes = _several(ax, len(judged), (8, 4))
+        return [_errors([row for row in frames if row.dataset == name], name, part) for name, part in zip(judged, axes)]
+    last = datasets[-1] if datasets else ""
+    return _errors([row for row in frames if row.dataset == last], last, _axes(ax, (8, 4)))
+
+
+def _errors(rows: list[FrameErrors], title: str, ax: Any) -> Any:
     places = np.arange(len(rows))
     if any(row.depth_rms_mm is not None for row in rows):
         value = lambda v: np.nan if v is None else v  # noqa: E731
@@ -51,7 +78,26 @@ def errors_of_frames(frames: Table[FrameErrors], ax: Any = None) -> Any:
         ax.bar(places, [row.reprojection_px for row in rows], 0.6, color="C0")
         ax.set_ylabel("reprojection error, rms (px)")
     ax.set_xticks(places, [row.frame for row in rows], rotation=90, fontsize=7)
-    ax.set_title(last)
+    ax.set_title(title)
+    return ax
+
+
+def extrinsics(calibration: Calibration, ax: Any = None) -> Any:
+    """The cameras of a rig in the reference's plane of x and z, with their optical axes."""
+    rows = calibration.extrinsics
+    if not len(rows):
+        raise InputError("the calibration is of one camera, which has no extrinsics")
+    ax = _axes(ax, (6, 4.5))
+    placed = [np.linalg.inv(row.matrix) for row in rows]
+    centres = np.array([matrix[:3, 3] for matrix in placed])
+    length = max(0.5 * float(np.ptp(centres, axis=0).max()), 1.0)
+    for row, matrix, centre in zip(rows, placed, centres):
+        axis = centre + length * matrix[:3, 2]
+        ax.annotate("", (axis[0], axis[2]), (centre[0], centre[2]), arrowprops={"arrowstyle": "->", "color": "C0"})
+        ax.plot(centre[0], centre[2], "o", color="C3")
+        ax.annotate(row.camera, (centre[0], centre[2]), xytext=(4, -12), textcoords="offset points")
+    ax.set(xlabel="x of the reference (mm)", ylabel="z of the reference (mm)", aspect="equal")
+    ax.margins(0.2)
     return ax
 
 
@@ -62,10 +108,10 @@ def correlations(calibration: Calibration, ax: Any = None) -> Any:
     if found is None:
         ax.text(0.5, 0.5, "this estimator gives no covariance", ha="center", va="center", transform=ax.transAxes)
         return ax
-    image = ax.imshow(found.to_numpy(), vmin=-1, vmax=1, cmap="RdBu_r")
+    image = ax.imshow(np.asarray(found), vmin=-1, vmax=1, cmap="RdBu_r")
     places = range(len(found))
-    ax.set_xticks(places, found.columns, rotation=90, fontsize=7)
-    ax.set_yticks(places, found.columns, fontsize=7)
+    ax.set_xticks(places, found.names, rotation=90, fontsize=7)
+    ax.set_yticks(places, found.names, fontsize=7)
     ax.figure.colorbar(image, ax=ax, label="correlation")
     return ax
 

@@ -33,7 +33,8 @@ class Report:
 
 
 class Reported:
-    """A result with a report: what :class:`Fit`, :class:`Evaluation`, :class:`Comparison` and :class:`Diagnosis` share."""
+    """A result with a report: what :class:`Fit`, :class:`Evaluation`, :class:`Comparison` and :class:`Diagnosis` share. Notebooks show
+    a summary of some kilobytes; :attr:`report` at the end of a cell is the whole page."""
 
     _native: Any
 
@@ -46,5 +47,11 @@ class Reported:
         """Writes the files that the command line writes into the folder ``out``, which is created; returns their paths."""
         return [Path(path) for path in self._native.save(os.fspath(out))]
 
+    def _summary(self) -> list[Any]:
+        """Tables that a notebook shows below the result's text."""
+        return []
+
     def _repr_html_(self) -> str:
-        return self.report._repr_html_()
+        # The report itself has megabytes of maps: a notebook would store them with every cell that ends with a result.
+        tables = "".join(table._repr_html_() for table in self._summary())
+        return f"<pre>{_html.escape(repr(self))}</pre>{tables}<p>The whole report: <code>.report</code> shows it here, <code>.save(folder)</code> writes it.</p>"
