@@ -97,6 +97,7 @@ fn read(file: &Value) -> Result<Capture, Box<dyn Error>> {
             width: number(&size[0])? as usize,
             height: number(&size[1])? as usize,
             depth_unit_mm: None,
+            disparity: None,
             technology: None,
             frames,
             dropped: Vec::new(),

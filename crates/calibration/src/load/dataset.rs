@@ -368,6 +368,7 @@ pub(super) fn assemble(
         height,
         depth_unit_mm: dataset.depth_unit_mm,
         technology: dataset.technology(),
+        disparity: dataset.disparity,
         frames: frames_with_board,
         dropped,
     };
@@ -389,6 +390,7 @@ fn read_depth_only(dataset: DatasetCamera, path: &Path, options: &LoadOptions) -
         height,
         depth_unit_mm: dataset.depth_unit_mm,
         technology: dataset.technology(),
+        disparity: dataset.disparity,
         frames: frames.into_iter().flat_map(|raw| per_board(raw, &dataset.target)).map(detected).collect(),
         dropped: strays.collect(),
     };

@@ -94,6 +94,11 @@ pub(super) fn u16_from_bytes(bytes: &[u8], values: &mut [u16]) {
 }
 
 pub(super) fn f32_from_bytes(bytes: &[u8], values: &mut [f32]) {
+    /// Whether the values on standard input are whole steps.
+    pub(super) fn takes_steps(&self) -> bool {
+        self.stream_input == Raw::U16
+    }
+
     for (value, bytes) in values.iter_mut().zip(bytes.as_chunks().0) {
         *value = f32::from_le_bytes(*bytes);
     }
