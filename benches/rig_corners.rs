@@ -102,13 +102,7 @@ fn read(file: &Value) -> Result<Capture, Box<dyn Error>> {
             frames,
             dropped: Vec::new(),
         };
-        cameras.push(CameraCapture {
-            name: name.to_owned(),
-            capture,
-            declared: None,
-            lens: None,
-            camera_from_rig: None,
-        });
+        cameras.push(CameraCapture::of(name, capture));
     }
     Ok(Capture { name: "corners".to_owned(), cameras })
 }

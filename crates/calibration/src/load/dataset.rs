@@ -151,6 +151,7 @@ impl Loaded {
             declared: None,
             lens: loaded.declared.camera.as_ref().and_then(|camera| camera.lens.clone()),
             camera_from_rig: loaded.declared.camera_from_rig.map(rigid_motion),
+            expected_from_rig: loaded.declared.expected_from_rig.map(rigid_motion),
         };
         Capture { name: self.name.clone(), cameras: self.cameras.iter().map(camera).collect() }
     }
