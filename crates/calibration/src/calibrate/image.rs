@@ -5,6 +5,7 @@ use tracing::warn;
 
 use super::calibrated_camera::CalibratedCamera;
 use super::camera_options::CameraOptions;
+use super::declared_lens::settle_with_declared_lens;
 use super::error::CalibrateError;
 use super::frame_checks::{markers_of, posed, repair, with_homographies, without_gross_markers};
 use super::held::{check, hold};
@@ -129,6 +130,9 @@ fn calibrate_image_with_lens(
     }
     Ok(settle(State::of_camera(start), &rules, options)?.only_camera(options))
 }
+    if is_declared {
+        return settle_with_declared_lens(&start, &rules, options);
+    }
 
 /// The camera at the mean of the options' prior, with the lens terms free that the prior's units have; `None` where there is no
 /// prior, or where it does not tell pinhole and lens.

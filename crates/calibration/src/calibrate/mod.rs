@@ -6,6 +6,7 @@ mod camera;
 mod camera_options;
 mod checked_sample;
 mod contradiction;
+mod declared_lens;
 mod depth_scale;
 mod domain;
 mod driver;
