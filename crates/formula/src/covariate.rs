@@ -1,7 +1,7 @@
 //! The covariates that formulas may use: their units, where they are known, and how they follow from the state of the chain.
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{Context, Covariate};
+use depthcal_model::{Context, Covariate, Quantity};
 
 /// A covariate of formulas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -36,10 +36,12 @@ pub enum FormulaCovariate {
     BoardX,
     /// Coordinate along a column of the board, mm.
     BoardY,
+    /// A quantity of the frame, by the name of its column in `frames.csv`.
+    Quantity(Quantity),
 }
 
 impl FormulaCovariate {
-    /// All of them.
+    /// All but the quantities that users name.
     pub const ALL: [Self; 15] = [
         Self::X,
         Self::Y,
@@ -76,11 +78,17 @@ impl FormulaCovariate {
             Self::Temperature => "temperature_c",
             Self::BoardX => "board_x",
             Self::BoardY => "board_y",
+            Self::Quantity(quantity) => quantity.name(),
         }
     }
 
-    /// The covariate of that name.
+    /// The covariate of that name: one of [`ALL`](Self::ALL), or a quantity where the name ends in a unit.
     pub fn of(name: &str) -> Option<Self> {
+        Self::reserved(name).or_else(|| Quantity::named(name).map(Self::Quantity))
+    }
+
+    /// The covariate of that name which is no quantity: nothing else in a formula may have its name.
+    pub fn reserved(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|covariate| covariate.name() == name)
     }
 
@@ -102,6 +110,7 @@ impl FormulaCovariate {
             Self::Temperature => "temperature (°C)",
             Self::BoardX => "x on the board (mm)",
             Self::BoardY => "y on the board (mm)",
+            Self::Quantity(quantity) => quantity.name(),
         }
     }
 
@@ -114,6 +123,7 @@ impl FormulaCovariate {
             Self::Rho => "1/mm",
             Self::Time => "s",
             Self::Temperature => "°C",
+            Self::Quantity(quantity) => quantity.unit(),
         }
     }
 
@@ -135,10 +145,19 @@ impl FormulaCovariate {
             Self::Temperature => ("T", ""),
             Self::BoardX => ("X", "b"),
             Self::BoardY => ("Y", "b"),
+            Self::Quantity(quantity) => (quantity.name(), ""),
         }
     }
 
-    /// The covariates that a piece at a hook knows.
+    /// Whether a piece at a hook knows it.
+    pub fn is_known_at(self, hook: HookKind) -> bool {
+        match self {
+            Self::Quantity(_) => matches!(hook, HookKind::Depth | HookKind::Lens | HookKind::Pixel),
+            other => Self::at(hook).contains(&other),
+        }
+    }
+
+    /// The covariates that a piece at a hook knows, but for quantities.
     pub fn at(hook: HookKind) -> &'static [Self] {
         match hook {
             HookKind::Depth => &[
@@ -181,6 +200,7 @@ impl FormulaCovariate {
             Self::Temperature => [15.0, 45.0],
             Self::BoardX => [0.0, 400.0],
             Self::BoardY => [0.0, 300.0],
+            Self::Quantity(quantity) => quantity.typical_range(),
         }
     }
 
@@ -192,6 +212,7 @@ impl FormulaCovariate {
             Self::Surroundings => Some(Covariate::Surroundings),
             Self::Time => Some(Covariate::Time),
             Self::Temperature => Some(Covariate::Temperature),
+            Self::Quantity(quantity) => Some(Covariate::Quantity(quantity)),
             _ => None,
         }
     }
@@ -207,7 +228,7 @@ impl FormulaCovariate {
 
     /// Whether an observation may lack it.
     pub(crate) const fn may_be_unknown(self) -> bool {
-        matches!(self, Self::Amplitude | Self::Surroundings | Self::Temperature)
+        matches!(self, Self::Amplitude | Self::Surroundings | Self::Temperature | Self::Quantity(_))
     }
 
     /// Its value for a state of the depth hook (x, y, inverse depth, cosine of the angle of incidence) or of the board hook (x,
@@ -238,6 +259,7 @@ impl FormulaCovariate {
             Self::Surroundings => signal(context.surround),
             Self::Time => context.time_s,
             Self::Temperature => context.temperature_c,
+            Self::Quantity(quantity) => context.quantities.value(quantity),
             _ => f64::NAN,
         }
     }

@@ -9,11 +9,12 @@ use depthcal_calibration::observe::PlacedCamera;
 use depthcal_correction::{
     AmplitudeImage, CorrectionSummary, Corrector as Native, CorrectorError, FrameContext, PointsMut,
 };
+use depthcal_model::{Quantities, Quantity};
 use numpy::Element;
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyFloat, PyInt};
+use pyo3::types::{PyDict, PyFloat, PyInt};
 
 use crate::arrays::{Receiver, Values, numbers};
 use crate::calibrated::Calibration;
@@ -32,7 +33,9 @@ use crate::units;
 pub(crate) struct Corrector {
     native: Arc<Native>,
     /// Threads of its own; those that frames share where there are none.
-    threads: Option<FrameThreads>,
+    threads: Option<Arc<FrameThreads>>,
+    /// Values of further quantities, each one number or one per frame of a call.
+    quantities: Vec<(Quantity, Vec<f64>)>,
 }
 
 /// Arguments of a call besides `out`, as they are given.
@@ -50,6 +53,7 @@ struct Call<'a, 'py> {
     count: usize,
     times: Vec<f64>,
     temperatures: Vec<f64>,
+    quantities: &'a [(Quantity, Vec<f64>)],
     amplitude: Option<Gray<'py>>,
 }
 
@@ -63,7 +67,8 @@ impl<'py> Call<'_, 'py> {
             Some(narrow) => Some(Cow::Owned(narrow.widened()?)),
         };
         let unit_mm = self.given.unit_mm;
-        Ok(Frames { unit_mm, times: &self.times, temperatures: &self.temperatures, amplitudes })
+        let Self { times, temperatures, quantities, .. } = self;
+        Ok(Frames { unit_mm, times, temperatures, quantities, amplitudes })
     }
 
     /// Refuses inputs besides depth that lie in the memory of `out`.
@@ -77,6 +82,7 @@ struct Frames<'a> {
     unit_mm: f64,
     times: &'a [f64],
     temperatures: &'a [f64],
+    quantities: &'a [(Quantity, Vec<f64>)],
     amplitudes: Option<Cow<'a, [u16]>>,
 }
 
@@ -88,6 +94,9 @@ impl Frames<'_> {
         FrameContext {
             time_s: of_frame(self.times).unwrap_or(0.0),
             temperature_c: of_frame(self.temperatures).unwrap_or(f64::NAN),
+            quantities: Quantities::new(
+                self.quantities.iter().map(|(quantity, values)| (*quantity, of_frame(values).unwrap_or(f64::NAN))),
+            ),
             amplitude: self.amplitudes.as_ref().map(|all| AmplitudeImage {
                 width,
                 height,
@@ -140,7 +149,7 @@ impl Corrector {
     }
 
     /// Checks the arguments of a call; returns its depth apart from all else.
-    fn call<'a, 'py>(&self, given: Given<'a, 'py>) -> Result<(Depth<'py>, Call<'a, 'py>), Failure> {
+    fn call<'a, 'py>(&'a self, given: Given<'a, 'py>) -> Result<(Depth<'py>, Call<'a, 'py>), Failure> {
         let depth = Depth::new("depth", given.depth)?;
         let count = self.frames("depth", depth.shape())?;
         depth.check_unit("depth", given.unit_mm)?;
@@ -153,7 +162,13 @@ impl Corrector {
         }
         let times = per_frame("time_s", given.time_s, count)?;
         let temperatures = per_frame("temperature_c", given.temperature_c, count)?;
-        Ok((depth, Call { given, count, times, temperatures, amplitude }))
+        if let Some((name, values)) = self.quantities.iter().find(|(_, values)| ![1, count].contains(&values.len())) {
+            let (name, values) = (name.name(), values.len());
+            return Err(input(format!(
+                "{name} has {values} values for {count} frames: give one number, or one per frame"
+            )));
+        }
+        Ok((depth, Call { given, count, times, temperatures, quantities: &self.quantities, amplitude }))
     }
 
     /// Takes the frames one by one, without the GIL, from `depth` (that in `out` where it is not given) to `out`, which has
@@ -182,7 +197,7 @@ impl Corrector {
             }
             Ok(sum)
         };
-        let corrected: Result<_, CorrectorError> = self.threads.as_ref().unwrap_or(&SHARED).run(py, all)?;
+        let corrected: Result<_, CorrectorError> = self.threads.as_deref().unwrap_or(&SHARED).run(py, all)?;
         corrected.map_err(input)
     }
 }
@@ -219,7 +234,23 @@ impl Corrector {
                 None => corrector,
             })
         })?;
-        Ok(Self { native: Arc::new(native), threads: threads.map(|number| FrameThreads::new(Some(number))) })
+        let threads = threads.map(|number| Arc::new(FrameThreads::new(Some(number))));
+        Ok(Self { native: Arc::new(native), threads, quantities: Vec::new() })
+    }
+
+    /// This corrector for frames with these values of further quantities: keys are columns of frames.csv such as ``exposure_ms``,
+    /// values one number, or one per frame of a call. Tables are shared. Raises InputError.
+    fn with_quantities(&self, quantities: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let of_one = |(name, values): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<(Quantity, Vec<f64>)> {
+            let name: String = name.extract()?;
+            let quantity = Quantity::named(&name).ok_or_else(|| {
+                input(format!("'{name}' does not end in a unit, as exposure_ms does: name a column of frames.csv"))
+            })?;
+            let count = numbers(&name, &values)?.shape().first().copied().unwrap_or(1);
+            Ok((quantity, per_frame(&name, Some(&values), count)?))
+        };
+        let quantities = quantities.iter().map(of_one).collect::<PyResult<_>>()?;
+        Ok(Self { native: self.native.clone(), threads: self.threads.clone(), quantities })
     }
 
     /// Width of its images, px.
@@ -240,12 +271,14 @@ impl Corrector {
         self.native.has_tables()
     }
 
-    /// Arguments that its effects need: some of ``time_s``, ``temperature_c``, ``amplitude``. Without them these effects stay.
+    /// Arguments that its effects need: some of ``time_s``, ``temperature_c``, ``amplitude``, and the quantities of
+    /// ``with_quantities``. Without them these effects stay.
     #[getter]
     fn needs(&self) -> Vec<&'static str> {
         let needs = self.native.needs();
         let all = [(needs.time, "time_s"), (needs.temperature, "temperature_c"), (needs.amplitude, "amplitude")];
-        all.into_iter().filter(|(needed, _)| *needed).map(|(_, name)| name).collect()
+        let quantities = needs.quantities.into_iter().flatten().map(Quantity::name);
+        all.into_iter().filter(|(needed, _)| *needed).map(|(_, name)| name).chain(quantities).collect()
     }
 
     /// Corrected depth, of the shape, type and unit of ``depth``: (height, width), or (frames, height, width).

@@ -29,6 +29,7 @@ mod lens_comparison;
 mod lens_order;
 mod marker_estimators;
 mod model_blocks;
+mod needed_quantities;
 mod options;
 mod parameter_names;
 mod readjust;

@@ -368,8 +368,8 @@ pub(super) fn assemble(
         width,
         height,
         depth_unit_mm: dataset.depth_unit_mm,
-        technology: dataset.technology(),
         disparity: dataset.disparity,
+        technology: dataset.technology(),
         frames: frames_with_board,
         dropped,
     };
@@ -390,8 +390,8 @@ fn read_depth_only(dataset: DatasetCamera, path: &Path, options: &LoadOptions) -
         width,
         height,
         depth_unit_mm: dataset.depth_unit_mm,
-        technology: dataset.technology(),
         disparity: dataset.disparity,
+        technology: dataset.technology(),
         frames: frames.into_iter().flat_map(|raw| per_board(raw, &dataset.target)).map(detected).collect(),
         dropped: strays.collect(),
     };

@@ -12,7 +12,7 @@ use depthcal_io::{
     Calibration, CameraRecord, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, Disparity, GrayImage, RgbImage,
     check_writable, write_depth_frame,
 };
-use depthcal_model::Camera;
+use depthcal_model::{Camera, Quantities};
 use depthcal_report::format::count;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -276,6 +276,7 @@ impl Apply {
         let context = FrameContext {
             time_s: job.time_s.unwrap_or(0.0),
             temperature_c: job.temperature_c.unwrap_or(f64::NAN),
+            quantities: job.quantities,
             amplitude: image.as_ref().map(Into::into),
         };
         if let Some(format) = self.written.cloud {
@@ -351,6 +352,7 @@ impl Apply {
                     disparity,
                     time_s: None,
                     temperature_c: None,
+                    quantities: Quantities::NONE,
                 });
             }
         }
@@ -402,6 +404,7 @@ impl Apply {
                 disparity,
                 time_s: frame.metadata.timestamp_s.map(|t| t - first),
                 temperature_c: frame.metadata.temperature_c,
+                quantities: frame.metadata.quantities(),
             })
         });
         Ok(jobs.collect())
@@ -446,7 +449,11 @@ fn warn_of_missing(corrector: &Corrector, jobs: &[Job]) {
         ),
         (needs.amplitude, jobs.iter().any(|j| j.image.is_none()), "infrared amplitude", "the images with --image"),
     ];
-    for (needed, missing, what, remedy) in cases {
+    let of_quantities = needs.quantities.into_iter().flatten().map(|quantity| {
+        let missing = jobs.iter().any(|job| job.quantities.value(quantity).is_nan());
+        (true, missing, quantity.name(), "it in the dataset's table of frames")
+    });
+    for (needed, missing, what, remedy) in cases.into_iter().chain(of_quantities) {
         if needed && missing {
             complaint(
                 "warning",

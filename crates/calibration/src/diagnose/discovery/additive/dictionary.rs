@@ -25,6 +25,8 @@ const COVARIATES: [(C, usize); 8] = [
 ];
 /// Covariates that functions are multiplied with.
 const FACTORS: [C; 5] = [C::X, C::Y, C::R, C::Time, C::Temperature];
+/// Basis functions of functions of quantities that users record.
+const OF_QUANTITIES: usize = 6;
 /// Pairs of covariates whose functions are no products of a function of one and the other, and the number of their basis
 /// functions along each.
 const PAIRS: [[C; 2]; 4] = [[C::X, C::Y], [C::R, C::Z], [C::X, C::Z], [C::Y, C::Z]];
@@ -105,13 +107,15 @@ impl Dictionary {
         };
         let mut smooth: Vec<Smooth> =
             COVARIATES.iter().filter_map(|(c, count)| smooth_of(*c, Of::True, *count)).collect();
+        let quantities = observations.with_quantities(&[]);
+        smooth.extend(quantities.iter().filter_map(|c| smooth_of(*c, Of::True, OF_QUANTITIES)));
         smooth.extend(smooth_of(C::Z, Of::Measured, COVARIATES[3].1));
         let mean = |covariate: C| {
             let values = || observations.samples().map(|s| s.value(covariate, Of::True)).filter(|v| v.is_finite());
             values().sum::<f64>() / values().count().max(1) as f64
         };
         let varies = |c: &&C| observations.span(**c, Of::True).is_some();
-        let factors: Vec<(C, f64)> = FACTORS.iter().filter(varies).map(|c| (*c, mean(*c))).collect();
+        let factors: Vec<(C, f64)> = FACTORS.iter().chain(&quantities).filter(varies).map(|c| (*c, mean(*c))).collect();
         let of_pairs = (OF_PAIRS - CUBIC) * finer;
         let of_pairs = (of_pairs + CUBIC).min(MOST_OF_PAIRS);
         let coarse = [C::X, C::Y, C::R, C::Z].into_iter().filter_map(|covariate| {
@@ -129,8 +133,9 @@ impl Dictionary {
     pub fn searched(&self) -> DiagnosisSearched {
         let name = |covariate: &C| covariate.name().to_owned();
         let has = |covariate: &C| self.smooth.iter().any(|smooth| smooth.covariate == *covariate);
-        let (functions_of, unknown): (Vec<C>, Vec<C>) =
+        let (mut functions_of, unknown): (Vec<C>, Vec<C>) =
             COVARIATES.iter().map(|(covariate, _)| *covariate).partition(has);
+        functions_of.extend(self.smooth.iter().map(|s| s.covariate).filter(|c| matches!(c, C::Quantity(_))));
         let pairs: BTreeSet<[usize; 2]> = self.groups.iter().filter_map(|group| group.pair).collect();
         DiagnosisSearched {
             functions_of: functions_of.iter().map(name).collect(),

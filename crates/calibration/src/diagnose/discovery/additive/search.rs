@@ -189,9 +189,10 @@ impl Search<'_> {
         })
     }
 
+    /// Whether a function depends on what changes with the frames alone: consecutive ones may have values of their own.
     fn is_of_time(&self, group: usize) -> bool {
         let covariates = self.dictionary.covariates(&self.dictionary.groups[group]);
-        covariates.contains(&C::Time) || covariates.contains(&C::Temperature)
+        covariates.iter().any(|c| matches!(c, C::Time | C::Temperature | C::Quantity(_)))
     }
 
     /// Fall of the cost of every frame with some groups that are estimated without its block of consecutive frames, and without
