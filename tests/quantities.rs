@@ -19,6 +19,7 @@ const FORMULA: &str = r#"
     [[effect]]
     name = "exposure_shift"
     hook = "depth"
+    of = "measured"
     formula = "a * (exposure_ms - e0)"
     parameters = { a = "mm/ms" }
     constants = { e0 = { value = 10, unit = "ms" } }

@@ -31,7 +31,7 @@ struct Observations {
 /// Number of typical observations.
 const COUNT: usize = 256;
 /// Bases of Halton's sequence for quantities.
-const MORE_BASES: [usize; MOST_QUANTITIES] = [23, 29, 31, 37, 41, 43, 47, 53];
+const MORE_BASES: [usize; MOST_QUANTITIES] = [23, 29, 31, 37, 41, 43];
 
 impl<'a> Shape<'a> {
     fn new(content: &'a Content) -> Self {

@@ -121,6 +121,9 @@ fn parse(path: &Path, reader: impl io::Read, files: &[String]) -> Result<FrameTa
     Ok(FrameTable { rows, files })
 }
 
+/// Least range of a quantity, as a share of its values.
+const FINEST: f64 = 1e-5;
+
 /// Columns whose names end in a unit have numbers, if any cell of them is one, and there are no more than frames can carry.
 fn check_quantities(path: &Path, rows: &[Row]) -> Result<(), DatasetError> {
     let names: BTreeSet<&String> = rows.iter().flat_map(|row| row.metadata.other.keys()).collect();
@@ -136,6 +139,18 @@ fn check_quantities(path: &Path, rows: &[Row]) -> Result<(), DatasetError> {
     for (name, row) in quantities.iter().flat_map(|name| rows.iter().map(move |row| (*name, row))) {
         if let Some(cell) = row.metadata.other.get(name).filter(|cell| finite(cell).is_none()) {
             return Err(cell_error(path, row.line, name, cell));
+        }
+    }
+    for name in &quantities {
+        let values = || rows.iter().filter_map(|row| row.metadata.number(name));
+        let [low, high] = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
+        // Values are carried in single precision.
+        if high > low && high - low < FINEST * low.abs().max(high.abs()) {
+            let problem = format!(
+                "the values of `{name}` differ by less than a hundred thousandth of themselves: subtract a number from all of them, or \
+                 leave the unit away from the name"
+            );
+            return Err(DatasetError::Table { path: path.to_owned(), line: 1, problem });
         }
     }
     if quantities.len() > MOST_QUANTITIES {
@@ -212,9 +227,11 @@ mod tests {
         assert!(message.contains("exposure_ms") && message.contains("8,5"), "{message}");
         let message = complaint("frame,exposure_ms\n1,8.5\n2,auto\n");
         assert!(message.contains(":3") && message.contains("exposure_ms") && message.contains("auto"), "{message}");
+        let message = complaint("frame,clock_s\n1,1700000000.0\n2,1700000009.5\n");
+        assert!(message.contains("`clock_s`") && message.contains("subtract"), "{message}");
         let many: Vec<String> = (1..=9).map(|i| format!("q{i}_v")).collect();
         let message = complaint(&format!("frame,{}\n1{}\n", many.join(","), ",1".repeat(9)));
-        assert!(message.contains("9 columns") && message.contains("all but 8"), "{message}");
+        assert!(message.contains("9 columns") && message.contains("all but 6"), "{message}");
     }
 
     #[test]
