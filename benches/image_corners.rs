@@ -42,6 +42,7 @@ fn capture(observations: &Observations) -> Result<CameraFrames, Box<dyn Error>> 
         width: first.width,
         height: first.height,
         depth_unit_mm: None,
+        disparity: None,
         technology: None,
         frames: frames.collect(),
         dropped: Vec::new(),

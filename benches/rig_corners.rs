@@ -97,17 +97,12 @@ fn read(file: &Value) -> Result<Capture, Box<dyn Error>> {
             width: number(&size[0])? as usize,
             height: number(&size[1])? as usize,
             depth_unit_mm: None,
+            disparity: None,
             technology: None,
             frames,
             dropped: Vec::new(),
         };
-        cameras.push(CameraCapture {
-            name: name.to_owned(),
-            capture,
-            declared: None,
-            lens: None,
-            camera_from_rig: None,
-        });
+        cameras.push(CameraCapture::of(name, capture));
     }
     Ok(Capture { name: "corners".to_owned(), cameras })
 }

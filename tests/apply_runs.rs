@@ -2,8 +2,10 @@
 
 use std::process::Output;
 
-use crate::support::{self, CALIBRATION, D, Folder, HEIGHT, PINHOLE, WIDTH, run_with_input, stderr, stdout, succeeds};
-use depthcal::io::{DepthImage, read_depth, write_depth};
+use crate::support::{
+    self, CALIBRATION, D, Folder, HEIGHT, PINHOLE, WIDTH, fails, run_with_input, stderr, stdout, succeeds,
+};
+use depthcal::io::{DepthImage, DepthValues, read_depth, read_depth_frame, write_depth};
 
 const PIXELS: usize = WIDTH * HEIGHT;
 
@@ -170,4 +172,31 @@ fn uncertainty_and_support_lie_beside_the_corrected_images() {
         assert!((f64::from(sigma[index]) / (2.0 * slope) - 1.0).abs() < 0.02, "{}: {slope}", sigma[index]);
         assert!(mask.data[index] > 0);
     }
+}
+
+/// The files of a camera whose dataset held disparities hold them, too: 1/z = a + b d.
+#[test]
+fn bare_files_of_a_disparity_camera_are_disparities() {
+    let folder = Folder::new();
+    let [a, b] = [3.1365e-3, -2.8736e-6];
+    let record = CALIBRATION.replace("\"frames\": []", &format!("\"disparity\": [{a}, {b}], \"frames\": []"));
+    folder.write("calibration.json", record);
+    let disparities: Vec<u16> = (0..PIXELS).map(|i| if i % 97 == 0 { 2047 } else { 500 + (i % 400) as u16 }).collect();
+    let raw = DepthImage { width: WIDTH, height: HEIGHT, data: disparities.clone() };
+    write_depth(folder.path("raw/0001.png"), &raw).unwrap();
+    let [calibration, depth, out] = ["calibration.json", "raw", "out"].map(|name| folder.arg(name));
+    let apply = ["apply", &calibration, &depth, "--out", &out];
+    succeeds([&apply[..], &["--format", "tiff"]].concat());
+    let DepthValues::Float(mm) = read_depth_frame(folder.path("out/0001.tiff")).unwrap().values else {
+        panic!("steps")
+    };
+    for (i, (z, d)) in mm.iter().zip(&disparities).enumerate() {
+        let expected = corrected(i, 1.0 / (a + b * f64::from(*d)));
+        assert!(if *d == 2047 { !(*z > 0.0) } else { (f64::from(*z) - expected).abs() < 0.01 }, "{i}: {z} {expected}");
+    }
+    fails(apply, &["PNG and PGM cannot hold", "--format tiff"]);
+    fails([&apply[..], &["--format", "tiff", "--unit-mm", "1"]].concat(), &["disparities", "leave --unit-mm out"]);
+    let stream = stream(&folder, &[], &["--unit-mm", "1", "--stream-output", "u16"]);
+    assert_eq!(stream.status.code(), Some(1));
+    assert!(stderr(&stream).contains("--stream-input f32"), "{}", stderr(&stream));
 }

@@ -25,6 +25,7 @@ mod json;
 mod measured;
 mod other_formats;
 mod own_model;
+mod quantities;
 #[cfg(feature = "import")]
 mod recordings;
 mod rendered;

@@ -89,6 +89,7 @@ fn camera_record(camera: &CameraFit) -> CameraRecord {
             std_dev_s: Some(offset.std_dev_s).filter(|std_dev| std_dev.is_finite()),
         }),
         depth_unit_mm: fit.capture.depth_unit_mm,
+        disparity: fit.capture.disparity,
         frames_used: fit.capture.frames.len(),
         reprojection_rms_px: camera.has_markers().then_some(fit.reprojection_rms_px),
         depth_rms_mm: fit.depth_rms_mm,

@@ -1,8 +1,8 @@
 //! Uncertainty of corrected depth, from calibrations in memory and from `calibration.json`.
 
 use depthcal_io::{Calibration, FrameRecord};
-use depthcal_model::Context;
 use depthcal_model::uncertainty::{DepthNoise, Support, UncertainCamera, UncertainDepth};
+use depthcal_model::{Context, Quantities};
 use depthcal_statistics::quantile;
 use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
@@ -36,6 +36,7 @@ pub fn uncertain_depth(record: &Calibration, placed: &PlacedCamera) -> Option<Un
     let first = times().fold(f64::INFINITY, f64::min);
     let conditions = Context {
         temperature_c: quantile(temperatures, 0.5),
+        quantities: usual_quantities(record),
         time_s: times().next().map_or(0.0, |_| quantile(times().map(|t| t - first), 0.5)),
         ..Context::default()
     };
@@ -43,6 +44,12 @@ pub fn uncertain_depth(record: &Calibration, placed: &PlacedCamera) -> Option<Un
     let poses: Vec<_> = record.frames.iter().map(|f| placed.camera_from_rig * rig_from_board(f)).collect();
     depth.support = Support::of_boards(&placed.camera, record.target.marker_rectangle(), &poses);
     Some(depth)
+}
+
+/// The further quantities of a calibration's frames at their medians.
+pub(crate) fn usual_quantities(record: &Calibration) -> Quantities {
+    let all: Vec<Quantities> = record.frames.iter().map(|frame| frame.metadata.quantities()).collect();
+    Quantities::summarized(all.iter(), |values| quantile(values, 0.5))
 }
 
 /// Uncertainty of the depth that a fitted camera corrects, under given conditions, with the covariance of all its parameters,

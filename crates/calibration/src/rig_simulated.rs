@@ -25,7 +25,7 @@ pub fn rig_capture(points: &RigPoints) -> Capture {
         } else {
             capture.frames.retain(|frame| frame.has_depth());
         }
-        CameraCapture { name: truth.name.clone(), capture, declared: None, lens: None, camera_from_rig: None }
+        CameraCapture::of(&truth.name, capture)
     });
     Capture { name: "rig".to_owned(), cameras: cameras.collect() }
 }

@@ -66,6 +66,7 @@ pub fn capture(observed: &simulate::PointObservations) -> CameraFrames {
         width: truth.camera.width,
         height: truth.camera.height,
         depth_unit_mm: Some(1.0),
+        disparity: None,
         technology: None,
         frames: frames.collect(),
         dropped: Vec::new(),

@@ -43,6 +43,7 @@ fn context(rng: &mut ChaCha8Rng) -> Context {
         stray: StrayLight { scene: [[2.5, 0.9], [-1.3, 1.8], [0.4, -1.9]], near: 1.2 },
         time_s: rng.random_range(0.0..600.0),
         temperature_c: rng.random_range(20.0..45.0),
+        ..Context::default()
     }
 }
 

@@ -16,7 +16,8 @@ use super::voice::say;
 
 /// Imports frames of a recording as a dataset.
 ///
-/// Reads ROS 2 bags (MCAP, db3, or the folder of either), ROS 1 bags, and Matroska files of the Azure Kinect and the Femto. Of
+/// Reads ROS 2 bags (MCAP, db3, or the folder of either), ROS 1 bags, Matroska files of the Azure Kinect and the Femto, and
+/// folders of TUM RGB-D, Stray Scanner and Record3D. Of
 /// minutes of video the frames worth having are kept: sharp, at rest, with the board, and different from each other.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -24,7 +25,7 @@ use super::voice::say;
   depthcal import recording.mkv --board other/dataset.toml --out captures/
   depthcal import recording.bag --image /camera/infra1/image_rect_raw --depth /camera/depth/image_rect_raw --out captures/")]
 pub(super) struct Import {
-    /// The recording: a file, or the folder of a ROS 2 bag.
+    /// The recording: a file, the folder of a ROS 2 bag, or a folder of image files that another program recorded.
     recording: PathBuf,
     /// A file with a section [board], as `depthcal board` writes it, or a dataset.toml: frames that show this board are picked,
     /// and it is written to dataset.toml.
@@ -145,6 +146,9 @@ impl Import {
             say!(
                 "image and depth are of different size or intrinsics: declared as two cameras of a rig, image and depth"
             );
+            if imported.has_extrinsics {
+                say!("the recording states the place of the depth sensor: calibrations are held against it");
+            }
         }
         match self.pair {
             Pairing::Order if depth.is_some() => say!("depth is paired with images by their order, as asked"),

@@ -214,8 +214,11 @@ fn given_effect(effect: &FormulaEffect) -> Result<GivenEffect, String> {
         let remedy = "parameters = { a = { unit = \"mm\", value = 2 } }";
         return Err(format!("effect '{name}' has no value of every parameter: write {remedy}"));
     };
-    if effect.covariates().contains(&FormulaCovariate::Surroundings) {
-        return Err(format!("effect '{name}' depends on 'surroundings', which the simulator does not have"));
+    let is_unknown =
+        |c: &&FormulaCovariate| matches!(c, FormulaCovariate::Surroundings | FormulaCovariate::Quantity(_));
+    if let Some(unknown) = effect.covariates().iter().find(is_unknown) {
+        let unknown = unknown.name();
+        return Err(format!("effect '{name}' depends on '{unknown}', which the simulator does not have"));
     }
     let function = effect.function();
     let value_at = |o: &Observation, covariate: FormulaCovariate| {
@@ -235,7 +238,7 @@ fn given_effect(effect: &FormulaEffect) -> Result<GivenEffect, String> {
             C::Amplitude => (255.0 * o.amplitude).max(1e-3),
             C::Time => o.time_s,
             C::Temperature => o.temperature_c,
-            C::Surroundings | C::BoardX | C::BoardY => f64::NAN,
+            C::Surroundings | C::BoardX | C::BoardY | C::Quantity(_) => f64::NAN,
         }
     };
     Ok(GivenEffect {

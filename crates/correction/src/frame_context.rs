@@ -1,7 +1,7 @@
 //! Quantities of a frame, besides its depth, that a correction may depend on.
 
 use depthcal_io::GrayImage;
-use depthcal_model::Context;
+use depthcal_model::{Context, Quantities};
 
 /// Quantities of a frame, besides its depth, that a correction may depend on ([`Corrector::needs`] tells which). An
 /// effect of a quantity that is unknown is not corrected.
@@ -13,6 +13,8 @@ pub struct FrameContext<'a> {
     pub time_s: f64,
     /// Temperature, °C; NaN where unknown.
     pub temperature_c: f64,
+    /// Further quantities, such as the exposure; those that are unknown are not among them.
+    pub quantities: Quantities,
     /// Infrared amplitude on the pixel grid of the depth image.
     pub amplitude: Option<AmplitudeImage<'a>>,
 }
@@ -36,7 +38,7 @@ impl<'a> From<&'a GrayImage> for AmplitudeImage<'a> {
 
 impl Default for FrameContext<'_> {
     fn default() -> Self {
-        Self { time_s: 0.0, temperature_c: f64::NAN, amplitude: None }
+        Self { time_s: 0.0, temperature_c: f64::NAN, quantities: Quantities::NONE, amplitude: None }
     }
 }
 
@@ -49,6 +51,7 @@ impl FrameContext<'_> {
 
     /// The part of the model's context that is the same at all pixels.
     pub(crate) fn of_frame(&self) -> Context {
-        Context { time_s: self.time_s, temperature_c: self.temperature_c, ..Context::default() }
+        let Self { time_s, temperature_c, quantities, .. } = *self;
+        Context { time_s, temperature_c, quantities, ..Context::default() }
     }
 }

@@ -1,5 +1,7 @@
 //! Quantities that a correction depends on besides depth and pixel.
 
+use depthcal_model::{MOST_QUANTITIES, Quantity};
+
 /// Quantities that a correction depends on besides depth and pixel. Those that a frame must bring are given in
 /// [`FrameContext`](crate::FrameContext).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -8,6 +10,8 @@ pub struct Needs {
     pub time: bool,
     /// The temperature of the frame.
     pub temperature: bool,
+    /// Further quantities of the frame, by their names; the first of these places.
+    pub quantities: [Option<Quantity>; MOST_QUANTITIES],
     /// The infrared amplitude: of the pixel, of those around it for [`Needs::surroundings`], of all pixels for
     /// [`Needs::stray_light`].
     pub amplitude: bool,

@@ -133,7 +133,8 @@ impl PreparedCamera {
         let (width, height) = (self.camera.width, self.camera.height);
         let cosines = self.needs.incidence.then(|| vec![0.7; self.pixels()]);
         let amplitude = self.needs.amplitude.then_some(AmplitudeImage { width, height, data: &amplitudes });
-        let context = FrameContext { time_s: 431.0, temperature_c: 37.5, amplitude };
+        let quantities = classify::some_quantities(&self.camera);
+        let context = FrameContext { time_s: 431.0, temperature_c: 37.5, quantities, amplitude };
         let depth_mm = vec![1234.0; if self.modulation.is_some() { self.pixels() } else { 0 }];
         let depth = MeasuredDepth::Millimetres(&depth_mm);
         let light = amplitude.zip(self.modulation).and_then(|(image, modulation)| {

@@ -15,7 +15,7 @@ pub(crate) struct Content {
     pub definition: FormulaDefinition,
     pub adds_to: AddsTo,
     pub expressions: Vec<Expression>,
-    /// In the order of [`FormulaCovariate::ALL`].
+    /// In the order of [`FormulaCovariate::ALL`], quantities after them.
     pub covariates: Vec<FormulaCovariate>,
     /// As declared, or as the formula asks for.
     pub units_of_constants: BTreeMap<String, String>,

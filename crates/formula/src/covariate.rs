@@ -1,7 +1,7 @@
 //! The covariates that formulas may use: their units, where they are known, and how they follow from the state of the chain.
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{Context, Covariate};
+use depthcal_model::{Context, Covariate, Quantity};
 
 /// A covariate of formulas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -36,10 +36,12 @@ pub enum FormulaCovariate {
     BoardX,
     /// Coordinate along a column of the board, mm.
     BoardY,
+    /// A quantity of the frame, by the name of its column in `frames.csv`.
+    Quantity(Quantity),
 }
 
 impl FormulaCovariate {
-    /// All of them.
+    /// All but the quantities that users name.
     pub const ALL: [Self; 15] = [
         Self::X,
         Self::Y,
@@ -76,6 +78,7 @@ impl FormulaCovariate {
             Self::Temperature => ("temperature_c", "temperature (°C)", ("T", "")),
             Self::BoardX => ("board_x", "x on the board (mm)", ("X", "b")),
             Self::BoardY => ("board_y", "y on the board (mm)", ("Y", "b")),
+            Self::Quantity(quantity) => (quantity.name(), quantity.name(), (quantity.name(), "")),
         }
     }
 
@@ -84,8 +87,13 @@ impl FormulaCovariate {
         self.words_and_symbol().0
     }
 
-    /// The covariate of that name.
+    /// The covariate of that name: one of [`ALL`](Self::ALL), or a quantity where the name ends in a unit.
     pub fn of(name: &str) -> Option<Self> {
+        Self::reserved(name).or_else(|| Quantity::named(name).map(Self::Quantity))
+    }
+
+    /// The covariate of that name which is no quantity: nothing else in a formula may have its name.
+    pub fn reserved(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|covariate| covariate.name() == name)
     }
 
@@ -103,6 +111,7 @@ impl FormulaCovariate {
             Self::Rho => "1/mm",
             Self::Time => "s",
             Self::Temperature => "°C",
+            Self::Quantity(quantity) => quantity.unit(),
         }
     }
 
@@ -111,7 +120,15 @@ impl FormulaCovariate {
         self.words_and_symbol().2
     }
 
-    /// The covariates that a piece at a hook knows.
+    /// Whether a piece at a hook knows it.
+    pub fn is_known_at(self, hook: HookKind) -> bool {
+        match self {
+            Self::Quantity(_) => matches!(hook, HookKind::Depth | HookKind::Lens | HookKind::Pixel),
+            other => Self::at(hook).contains(&other),
+        }
+    }
+
+    /// The covariates that a piece at a hook knows, but for quantities.
     pub fn at(hook: HookKind) -> &'static [Self] {
         match hook {
             HookKind::Depth => &[
@@ -154,6 +171,7 @@ impl FormulaCovariate {
             Self::Temperature => [15.0, 45.0],
             Self::BoardX => [0.0, 400.0],
             Self::BoardY => [0.0, 300.0],
+            Self::Quantity(quantity) => quantity.typical_range(),
         }
     }
 
@@ -165,6 +183,7 @@ impl FormulaCovariate {
             Self::Surroundings => Some(Covariate::Surroundings),
             Self::Time => Some(Covariate::Time),
             Self::Temperature => Some(Covariate::Temperature),
+            Self::Quantity(quantity) => Some(Covariate::Quantity(quantity)),
             _ => None,
         }
     }
@@ -180,7 +199,7 @@ impl FormulaCovariate {
 
     /// Whether an observation may lack it.
     pub(crate) const fn may_be_unknown(self) -> bool {
-        matches!(self, Self::Amplitude | Self::Surroundings | Self::Temperature)
+        matches!(self, Self::Amplitude | Self::Surroundings | Self::Temperature | Self::Quantity(_))
     }
 
     /// Its value for a state of the depth hook (x, y, inverse depth, cosine of the angle of incidence) or of the board hook (x,
@@ -211,6 +230,7 @@ impl FormulaCovariate {
             Self::Surroundings => signal(context.surround),
             Self::Time => context.time_s,
             Self::Temperature => context.temperature_c,
+            Self::Quantity(quantity) => context.quantities.value(quantity),
             _ => f64::NAN,
         }
     }

@@ -53,7 +53,7 @@ impl FormulaEffect {
         self.content.adds_to
     }
 
-    /// The covariates that its formula uses, in the order of [`FormulaCovariate::ALL`].
+    /// The covariates that its formula uses, in the order of [`FormulaCovariate::ALL`], quantities after them.
     pub fn covariates(&self) -> &[FormulaCovariate] {
         &self.content.covariates
     }

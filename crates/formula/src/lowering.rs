@@ -134,7 +134,9 @@ fn covariate_node(graph: &mut Graph, hook: HookKind, covariate: FormulaCovariate
             let slant = graph.divide(one, cosine);
             graph.subtract(slant, one)
         }
-        C::U | C::V | C::Amplitude | C::Surroundings | C::Time | C::Temperature => graph.of_context(covariate),
+        C::U | C::V | C::Amplitude | C::Surroundings | C::Time | C::Temperature | C::Quantity(_) => {
+            graph.of_context(covariate)
+        }
     }
 }
 

@@ -101,7 +101,7 @@ impl Reader<'_> {
         for (section, name) in all {
             let problem = if !is_name(name, false) {
                 "has to consist of letters, digits and _ and begin with a letter"
-            } else if FormulaCovariate::of(name).is_some() {
+            } else if FormulaCovariate::reserved(name).is_some() {
                 "is the name of a covariate: choose another"
             } else if Function::of(name).is_some() || name == PI {
                 "is the name of a function or of a number: choose another"
@@ -153,7 +153,7 @@ impl Reader<'_> {
                 }
                 let known = here.iter().map(|c| c.name()).collect::<Vec<_>>().join(", ");
                 let problem = match FormulaCovariate::of(name) {
-                    Some(covariate) if here.contains(&covariate) => {
+                    Some(covariate) if covariate.is_known_at(*hook) => {
                         used.push(covariate);
                         continue;
                     }
@@ -162,7 +162,7 @@ impl Reader<'_> {
                     }
                     None => format!(
                         "'{name}' is no covariate, parameter or constant: declare it in parameters or constants, or use \
-                         one of {known}"
+                         one of {known}, or a column of frames.csv, whose name ends in its unit, such as exposure_ms"
                     ),
                 };
                 return Err(self.text("formula", text, problem, span));
@@ -262,7 +262,8 @@ impl Reader<'_> {
             Some(_) => Ok(()),
             None => Err(self.field(
                 format!("constants.{name}.search"),
-                "is possible only in formulas of depth, inverse depth, incidence, amplitude, time or temperature: remove it",
+                "is possible only in formulas of depth, inverse depth, incidence, amplitude, time, temperature or a column of \
+                 frames.csv: remove it",
             )),
         }
     }

@@ -1,7 +1,7 @@
 //! Values of a formula at typical observations, for its checks.
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{AddsTo, Context, Options};
+use depthcal_model::{AddsTo, Context, MOST_QUANTITIES, Options, Quantities};
 
 use crate::content::Content;
 use crate::covariate::FormulaCovariate;
@@ -30,6 +30,8 @@ struct Observations {
 
 /// Number of typical observations.
 const COUNT: usize = 256;
+/// Bases of Halton's sequence for quantities.
+const MORE_BASES: [usize; MOST_QUANTITIES] = [23, 29, 31, 37, 41, 43];
 
 impl<'a> Shape<'a> {
     fn new(content: &'a Content) -> Self {
@@ -46,7 +48,7 @@ impl<'a> Shape<'a> {
 
     /// The first typical observation where a value or a derivative is not finite, in words.
     fn place_without_value(&self, theta: &[f64]) -> Option<String> {
-        let observations = Observations::typical(self.content.hook());
+        let observations = Observations::typical(self.content);
         let mut first = None;
         self.run(theta, &observations, |i, _, value| {
             if !value.is_finite() {
@@ -58,7 +60,7 @@ impl<'a> Shape<'a> {
 
     /// The largest value over typical observations, and where.
     fn largest_at(&self, theta: &[f64]) -> Option<(f64, String)> {
-        let observations = Observations::typical(self.content.hook());
+        let observations = Observations::typical(self.content);
         let mut largest: Option<(f64, usize)> = None;
         self.run(theta, &observations, |i, k, value| {
             if k < self.content.expressions.len() && largest.is_none_or(|(v, _)| value.abs() > v.abs()) {
@@ -70,7 +72,7 @@ impl<'a> Shape<'a> {
 
     /// The deviation of every parameter that makes an effect of about a millimetre at a metre, or half a pixel.
     fn scales(&self, theta: &[f64]) -> Vec<Result<f64, Uninfluential>> {
-        let observations = Observations::typical(self.content.hook());
+        let observations = Observations::typical(self.content);
         let mut squares = vec![0.0; self.parameters];
         self.run(theta, &observations, |_, k, value| {
             if let Some(k) = k.checked_sub(self.content.expressions.len()) {
@@ -156,7 +158,12 @@ fn rounded(value: f64) -> f64 {
 impl Observations {
     /// Observations that fill the usual ranges of all covariates evenly: images of 640×480, fields of view of 70°, depths of 0.4
     /// m to 4 m, boards of 0.4 m.
-    fn typical(hook: HookKind) -> Self {
+    fn typical(content: &Content) -> Self {
+        let hook = content.hook();
+        let quantities = content.covariates.iter().filter_map(|covariate| match covariate {
+            FormulaCovariate::Quantity(quantity) => Some(*quantity),
+            _ => None,
+        });
         // Halton's sequence: points that fill a space of several dimensions evenly.
         let halton = |index: usize, base: usize| {
             let (mut value, mut share, mut remaining) = (0.0, 1.0, index);
@@ -192,6 +199,10 @@ impl Observations {
                 surround: amplitude * sampled(13, 0.7, 1.4),
                 time_s: sampled(17, 0.0, 2000.0),
                 temperature_c: sampled(19, 15.0, 45.0),
+                quantities: Quantities::new(quantities.clone().zip(MORE_BASES).map(|(quantity, base)| {
+                    let [low, high] = quantity.typical_range();
+                    (quantity, sampled(base, low, high))
+                })),
                 ..Context::default()
             });
         }

@@ -27,6 +27,8 @@ pub struct Imported {
     pub depth: Option<StreamInfo>,
     /// Whether image and depth are declared as two cameras, since they differ in size or intrinsics.
     pub is_rig: bool,
+    /// Whether the recording states the place of the depth sensor.
+    pub has_extrinsics: bool,
     /// Millimetres per step or unit of the depth.
     pub unit_mm: Option<f64>,
     /// All streams of images, with their width and height, px.
@@ -117,6 +119,7 @@ pub(crate) fn describe(
         depth: chosen.depth.as_ref().map(|depth| depth.stream.clone()),
         streams: chosen.candidates.iter().map(|c| (c.stream.clone(), c.size)).collect(),
         is_rig,
+        has_extrinsics: is_rig && chosen.depth_from_image.is_some(),
         unit_mm: chosen.depth.as_ref().map(|depth| depth.unit_mm),
         camera: chosen.image.info.clone(),
         depth_camera: depth_camera.and_then(|depth| depth.info.clone()),
@@ -144,8 +147,14 @@ fn description(chosen: &Chosen, board: Target, [image_extension, depth_extension
         Some(depth) if chosen.is_rig() => {
             let (glob, unit_mm) = files(depth);
             let camera = hint(depth, DEPTH_INFO);
-            let second =
-                CameraSection { depth: glob, unit_mm, camera, name: "depth".into(), ..CameraSection::default() };
+            let second = CameraSection {
+                depth: glob,
+                unit_mm,
+                camera,
+                name: "depth".into(),
+                expected_from_rig: chosen.depth_from_image,
+                ..CameraSection::default()
+            };
             vec![CameraSection { name: "image".into(), ..image }, second]
         }
         Some(depth) => {

@@ -38,12 +38,27 @@ pub enum ImportError {
     },
     /// A file that is no recording of a known kind.
     #[error(
-        "{path}: this is no recording that can be imported: give an MCAP, a ROS 2 bag (.db3, or its folder), a ROS 1 bag, or an Azure Kinect or \
-         Femto .mkv"
+        "{path}: this is no recording that can be imported: give an MCAP, a ROS 2 bag (.db3, or its folder), a ROS 1 bag, an Azure Kinect or \
+         Femto .mkv, or a folder of TUM RGB-D (rgb.txt, depth.txt), Stray Scanner (camera_matrix.csv, odometry.csv, depth) or Record3D (metadata, \
+         rgbd)"
     )]
     UnknownKind {
         /// The file.
         path: PathBuf,
+    },
+    /// A ZIP archive, as `.r3d` files are.
+    #[error("{path}: this is a ZIP archive: unzip it, and give the folder; of Record3D it has metadata and rgbd")]
+    Archive {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A folder of image files that cannot be read.
+    #[error("{path}: {problem}")]
+    Folder {
+        /// The file or folder at fault.
+        path: PathBuf,
+        /// The fault and the remedy.
+        problem: String,
     },
     /// The container is broken.
     #[error("{path}: this {kind} is damaged: {message}; copy or record it anew")]

@@ -21,7 +21,7 @@ impl<'a> Fields<'a> {
                 Some(Fields { rest: fields, position: 0, aligned: true, big: order == 0 })
             }
             Layout::Ros1 => Some(Fields { rest: data, position: 0, aligned: false, big: false }),
-            Layout::Track(_) | Layout::Unread => None,
+            Layout::Track(_) | Layout::File | Layout::Pixels(..) | Layout::Unread => None,
         }
     }
 
@@ -77,12 +77,17 @@ impl<'a> Fields<'a> {
 
     /// `std_msgs/Header`: its time in ns.
     pub fn header(&mut self) -> Option<u64> {
+        self.header_with_frame().map(|(time_ns, _)| time_ns)
+    }
+
+    /// `std_msgs/Header`: its time in ns, and the frame of coordinates.
+    pub fn header_with_frame(&mut self) -> Option<(u64, String)> {
         if !self.aligned {
             self.u32()?;
         }
         let (seconds, nanoseconds) = (self.u32()?, self.u32()?);
-        self.string()?;
-        Some(u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds))
+        let frame = self.string()?;
+        Some((u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds), frame))
     }
 }
 

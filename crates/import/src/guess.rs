@@ -6,8 +6,9 @@ use std::path::Path;
 use crate::azure;
 use crate::camera_info::CameraInfo;
 use crate::error::ImportError;
-use crate::message::{Content, content, has_images, has_info};
+use crate::message::{Content, content, frame_of, has_images, has_info};
 use crate::recording::{Packet, Recording, StreamInfo};
+use crate::transforms::{Rows, Transforms};
 
 /// A stream of images by its first message.
 #[derive(Debug, Clone)]
@@ -17,6 +18,8 @@ pub(crate) struct Candidate {
     pub may_be_depth: bool,
     /// Millimetres per step, or per unit of floating-point numbers, of a depth stream.
     pub unit_mm: f64,
+    /// Name of the frame of coordinates that its messages give.
+    pub frame: String,
     /// The intrinsics that are said to be this stream's.
     pub info: Option<CameraInfo>,
 }
@@ -43,6 +46,8 @@ pub(crate) struct Chosen {
     pub candidates: Vec<Candidate>,
     /// The factory calibration of a Matroska file.
     pub factory: Option<Vec<u8>>,
+    /// The place of the depth sensor from the image's coordinates, as the recording states it.
+    pub depth_from_image: Option<Rows>,
 }
 
 impl Chosen {
@@ -65,6 +70,8 @@ struct Probed {
     units: Vec<(String, f64)>,
     /// Streams of intrinsics that are no use.
     without_use: Vec<String>,
+    /// Places of sensors.
+    transforms: Transforms,
     /// Streams of neither images nor intrinsics, with their kind.
     others: Vec<String>,
     /// Streams of images that cannot be read, and why.
@@ -78,13 +85,19 @@ impl Probed {
         recording.visit(&|_| true, &mut |packet| {
             count += 1;
             probed.add(&recording.path, &packet);
-            Ok(if count >= PROBED { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+            // Of files the first of each stream tells all.
+            let is_known = recording.folder().is_some_and(|folder| probed.candidates.len() == folder.streams());
+            Ok(if count >= PROBED || is_known { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
         })?;
         for candidate in &mut probed.candidates {
             candidate.info = info_of(candidate, &probed.infos);
             let unit = probed.units.iter().find(|(name, _)| candidate.stream.name.starts_with(sensor(name)));
             if let Some((_, unit_mm)) = unit {
                 candidate.unit_mm = *unit_mm;
+            }
+            if let Some((unit_mm, info)) = recording.folder().map(|folder| folder.declared(&candidate.stream)) {
+                candidate.unit_mm = unit_mm.unwrap_or(candidate.unit_mm);
+                candidate.info = info.cloned();
             }
         }
         Ok(probed)
@@ -115,6 +128,8 @@ impl Probed {
             }
         } else if let Some(unit_mm) = depth_unit(packet) {
             self.units.push((name.clone(), unit_mm));
+        } else if self.transforms.add(packet) {
+            // Said of cameras, not one of them.
         } else if !self.others.iter().any(|known| known.starts_with(name.as_str())) {
             self.others.push(format!("{name} ({})", packet.stream.kind));
         }
@@ -130,6 +145,7 @@ fn candidate(path: &Path, packet: &Packet) -> Result<Option<Candidate>, ImportEr
             may_be_depth: picture.may_be_depth(),
             // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
             unit_mm: if picture.is_metres() { 1000.0 } else { 1.0 },
+            frame: frame_of(packet),
             info: None,
         })),
         Content::Info(_) => Ok(None),
@@ -139,7 +155,7 @@ fn candidate(path: &Path, packet: &Packet) -> Result<Option<Candidate>, ImportEr
 /// Chooses streams: those that are named, else by what they hold and how they are called.
 pub(crate) fn choose(recording: &Recording, image: Option<&str>, depth: Option<&str>) -> Result<Chosen, ImportError> {
     let path = &recording.path;
-    let Probed { mut candidates, others, unreadable, .. } = Probed::read(recording)?;
+    let Probed { mut candidates, others, unreadable, transforms, .. } = Probed::read(recording)?;
     if candidates.is_empty() {
         // Streams of images that cannot be read say why.
         if let Some((_, error)) = unreadable.into_iter().next() {
@@ -190,7 +206,12 @@ pub(crate) fn choose(recording: &Recording, image: Option<&str>, depth: Option<&
         Some(depth) if image.info.is_none() && grid != Grid::Two => Candidate { info: depth.info.clone(), ..image },
         _ => image,
     };
-    Ok(Chosen { image, depth, grid, candidates, factory })
+    let place = |c: &Candidate| (c.stream.name.clone(), c.frame.clone());
+    let depth_from_image = depth.as_ref().and_then(|depth| {
+        let [(a, of_a), (b, of_b)] = [place(&image), place(depth)];
+        transforms.between([(&a, &of_a), (&b, &of_b)])
+    });
+    Ok(Chosen { image, depth, grid, candidates, factory, depth_from_image })
 }
 
 /// How the pixels of an image and of depth are related.

@@ -1,4 +1,5 @@
-//! Recordings as datasets: ROS 2 bags (MCAP, db3), ROS 1 bags, and Matroska files of the Azure Kinect and its successors.
+//! Recordings as datasets: ROS 2 bags (MCAP, db3), ROS 1 bags, Matroska files of the Azure Kinect and its successors, and folders
+//! of TUM RGB-D, Stray Scanner and Record3D.
 //!
 //! [`import`] reads a recording, chooses the streams of an image and of the depth on its pixel grid, picks frames that show the
 //! board sharply, at rest and in different places, and writes them with a `dataset.toml`. A recording is read as a stream,
@@ -15,6 +16,7 @@ mod error;
 mod fields;
 mod guess;
 mod import;
+mod info_message;
 mod message;
 mod packed;
 mod pairing;
@@ -23,6 +25,7 @@ mod picture;
 mod recording;
 mod score;
 mod spread;
+mod transforms;
 
 pub use camera_info::CameraInfo;
 pub use dataset::Imported;

@@ -5,8 +5,9 @@ use std::path::Path;
 use crate::camera_info::CameraInfo;
 use crate::error::ImportError;
 use crate::fields::Fields;
+use crate::info_message;
 use crate::picture::{Encoding, Picture};
-use crate::recording::{Layout, Packet, StreamInfo};
+use crate::recording::{DEPTH_FILES, IMAGE_FILES, Layout, Packet, StreamInfo};
 
 /// The contents of a message.
 pub(crate) enum Content<'a> {
@@ -18,7 +19,9 @@ pub(crate) enum Content<'a> {
 
 /// Whether messages of this stream are images.
 pub(crate) fn has_images(stream: &StreamInfo) -> bool {
-    ["sensor_msgs/Image", "sensor_msgs/CompressedImage", "b16g", "MJPG", "V_MJPEG"].contains(&stream.kind.as_str())
+    const KINDS: [&str; 7] =
+        ["sensor_msgs/Image", "sensor_msgs/CompressedImage", "b16g", "MJPG", "V_MJPEG", IMAGE_FILES, DEPTH_FILES];
+    KINDS.contains(&stream.kind.as_str())
 }
 
 /// Whether messages of this stream are intrinsics.
@@ -26,17 +29,30 @@ pub(crate) fn has_info(stream: &StreamInfo) -> bool {
     stream.kind == "sensor_msgs/CameraInfo"
 }
 
+/// The frame of coordinates of a message with a header; empty where there is none.
+pub(crate) fn frame_of(packet: &Packet<'_>) -> String {
+    let frame = || Some(Fields::new(packet.layout, &packet.data)?.header_with_frame()?.1);
+    frame().unwrap_or_default()
+}
+
 /// Reads a message of a stream of images or intrinsics.
 pub(crate) fn content<'a>(path: &Path, packet: &'a Packet<'_>) -> Result<Content<'a>, ImportError> {
     let problem =
         |problem: String| ImportError::Message { path: path.to_owned(), stream: packet.stream.name.clone(), problem };
     let cut = || problem("a message is cut off or not of its type".into());
+    let data: &[u8] = &packet.data;
+    // Width and height are in the file.
+    let file = Picture { width: 0, height: 0, step: 0, encoding: Encoding::File, data };
+    if packet.layout == Layout::File {
+        return Ok(Content::Picture(packet.time_ns, file));
+    }
+    if let Layout::Pixels([width, height], encoding) = packet.layout {
+        let step = encoding.row_bytes(width).unwrap_or(0);
+        return Ok(Content::Picture(packet.time_ns, Picture { width, height, step, encoding, data }));
+    }
     if let Layout::Track(size) = packet.layout {
-        let data: &[u8] = &packet.data;
         if packet.stream.kind != "b16g" {
-            // Width and height are in the file.
-            let picture = Picture { width: 0, height: 0, step: 0, encoding: Encoding::File, data };
-            return Ok(Content::Picture(packet.time_ns, picture));
+            return Ok(Content::Picture(packet.time_ns, file));
         }
         let [width, height] = size;
         let needed = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(2));
@@ -48,7 +64,7 @@ pub(crate) fn content<'a>(path: &Path, packet: &'a Packet<'_>) -> Result<Content
     }
     let mut fields = Fields::new(packet.layout, &packet.data).ok_or_else(cut)?;
     if has_info(packet.stream) {
-        return CameraInfo::read(fields).map(Content::Info).map_err(problem);
+        return info_message::read(fields).map(Content::Info).map_err(problem);
     }
     let stamp = fields.header().ok_or_else(cut)?;
     // Drivers without a clock stamp nothing.

@@ -51,8 +51,8 @@ pub use inverse::PixelGrid;
 pub use needed_light::needed_light;
 pub use piece::{
     AddsTo, AnyPiece, BoardSide, Constant, ConstantTable, Context, Covariate, FormulaConstant, FormulaDefinition,
-    FormulaParameter, FormulaSearch, FormulaText, Of, On, Options, Parameter, ParameterTable, Piece, Placement,
-    REFERENCE_DEPTH_MM, Role, Scan, ScanKind, SmoothParameters, erase,
+    FormulaParameter, FormulaSearch, FormulaText, MOST_QUANTITIES, Of, On, Options, Parameter, ParameterTable, Piece,
+    Placement, Quantities, Quantity, REFERENCE_DEPTH_MM, Role, Scan, ScanKind, SmoothParameters, erase,
 };
 pub use register::{Register, RegisterError};
 pub use scalar::Scalar;

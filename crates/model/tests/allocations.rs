@@ -34,6 +34,7 @@ fn allocations(chain: &Chain, theta: &[f64]) -> usize {
             stray: StrayLight { scene: [[2.5, 0.9], [-1.3, 1.8], [0.4, -1.9]], near: 1.2 },
             time_s: 50.0,
             temperature_c: 30.0,
+            ..Context::default()
         },
     };
     let queries: Vec<DepthQuery> = points.iter().zip(&pixels).map(query).collect();

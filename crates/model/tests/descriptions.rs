@@ -49,6 +49,7 @@ fn needs_are_what_the_equation_reads() {
         stray: StrayLight { scene: [[1.5, 0.4], [-0.8, 1.1], [0.3, -1.2]], near: 1.1 },
         time_s: 100.0,
         temperature_c: 31.0,
+        ..Context::default()
     };
     let state = [0.2, -0.1, 1.0 / 900.0, 0.9];
     for piece in pieces().iter().filter(|piece| piece.hook() == HookKind::Depth) {

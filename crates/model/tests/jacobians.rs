@@ -71,6 +71,7 @@ fn check(rng: &mut ChaCha8Rng, names: &[&str]) {
                     scene: std::array::from_fn(|_| [rng.random_range(-5.0..5.0), rng.random_range(-5.0..5.0)]),
                     near: rng.random_range(0.5..2.0),
                 },
+                ..Context::default()
             },
         })
         .collect();
@@ -204,8 +205,16 @@ fn nominal_pieces_do_nothing() {
             let (a, b) = (bare.project(&x.coords).unwrap(), camera.project(&x.coords).unwrap());
             assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-10, "{name} moves pixels");
             let (amplitude, surround, slope) = (500.0, 800.0, [0.05, -0.03]);
-            let context =
-                Context { pixel: a, amplitude, surround, slope, stray: STRAY, time_s: 100.0, temperature_c: 40.0 };
+            let context = Context {
+                pixel: a,
+                amplitude,
+                surround,
+                slope,
+                stray: STRAY,
+                time_s: 100.0,
+                temperature_c: 40.0,
+                ..Context::default()
+            };
             let rho = 1.0 / x.z;
             let m = camera.measured_inverse_depth(&context, [x.x * rho, x.y * rho], 0.8, rho);
             assert!((m / rho - 1.0).abs() < 1e-14, "{name} changes depth");
@@ -232,8 +241,16 @@ fn projection_and_correction_are_inverted() {
             let ray = camera.ray(pixel, 1.0 / z).unwrap();
             assert!((ray[0] - x).hypot(ray[1] - y) < 1e-10, "{name}: ray");
             let (amplitude, surround, slope) = (700.0, 1100.0, [0.05, -0.03]);
-            let mut context =
-                Context { pixel, amplitude, surround, slope, stray: STRAY, time_s: 50.0, temperature_c: 30.0 };
+            let mut context = Context {
+                pixel,
+                amplitude,
+                surround,
+                slope,
+                stray: STRAY,
+                time_s: 50.0,
+                temperature_c: 30.0,
+                ..Context::default()
+            };
             let shift = camera.image_pixel(&context);
             context.pixel = [2.0 * pixel[0] - shift[0], 2.0 * pixel[1] - shift[1]];
             let cos = rng.random_range(0.6..1.0);

@@ -10,10 +10,11 @@ use depthcal_correction::{
     AmplitudeImage, CorrectionSummary, Corrector as Native, CorrectorError, FrameContext, PointsMut,
 };
 use depthcal_io::Calibration as Record;
+use depthcal_model::{Quantities, Quantity};
 use numpy::Element;
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyFloat, PyInt};
+use pyo3::types::{PyDict, PyFloat, PyInt};
 
 use crate::arrays::{Receiver, Values, numbers};
 use crate::calibrated::Calibration;
@@ -37,7 +38,9 @@ pub(crate) struct Corrector {
     record: Arc<Record>,
     inputs: NeededInputs,
     /// Threads of its own; those that frames share where there are none.
-    threads: Option<FrameThreads>,
+    threads: Option<Arc<FrameThreads>>,
+    /// Values of further quantities, each one number or one per frame of a call.
+    quantities: Vec<(Quantity, Vec<f64>)>,
 }
 
 /// Arguments of a call besides `out`, as they are given.
@@ -55,6 +58,7 @@ struct Call<'a, 'py> {
     count: usize,
     times: Vec<f64>,
     temperatures: Vec<f64>,
+    quantities: &'a [(Quantity, Vec<f64>)],
     amplitude: Option<Gray<'py>>,
 }
 
@@ -68,7 +72,8 @@ impl<'py> Call<'_, 'py> {
             Some(narrow) => Some(Cow::Owned(narrow.widened()?)),
         };
         let unit_mm = self.given.unit_mm;
-        Ok(Frames { unit_mm, times: &self.times, temperatures: &self.temperatures, amplitudes })
+        let Self { times, temperatures, quantities, .. } = self;
+        Ok(Frames { unit_mm, times, temperatures, quantities, amplitudes })
     }
 
     /// Refuses inputs besides depth that lie in the memory of `out`.
@@ -82,6 +87,7 @@ struct Frames<'a> {
     unit_mm: f64,
     times: &'a [f64],
     temperatures: &'a [f64],
+    quantities: &'a [(Quantity, Vec<f64>)],
     amplitudes: Option<Cow<'a, [u16]>>,
 }
 
@@ -93,6 +99,9 @@ impl Frames<'_> {
         FrameContext {
             time_s: of_frame(self.times).unwrap_or(0.0),
             temperature_c: of_frame(self.temperatures).unwrap_or(f64::NAN),
+            quantities: Quantities::new(
+                self.quantities.iter().map(|(quantity, values)| (*quantity, of_frame(values).unwrap_or(f64::NAN))),
+            ),
             amplitude: self.amplitudes.as_ref().map(|all| AmplitudeImage {
                 width,
                 height,
@@ -145,7 +154,7 @@ impl Corrector {
     }
 
     /// Checks the arguments of a call; returns its depth apart from all else.
-    fn call<'a, 'py>(&self, given: Given<'a, 'py>) -> Result<(Depth<'py>, Call<'a, 'py>), Failure> {
+    fn call<'a, 'py>(&'a self, given: Given<'a, 'py>) -> Result<(Depth<'py>, Call<'a, 'py>), Failure> {
         let depth = Depth::new("depth", given.depth)?;
         let count = self.frames("depth", depth.shape())?;
         depth.check_unit("depth", given.unit_mm)?;
@@ -158,7 +167,13 @@ impl Corrector {
         }
         let times = per_frame("time_s", given.time_s, count)?;
         let temperatures = per_frame("temperature_c", given.temperature_c, count)?;
-        Ok((depth, Call { given, count, times, temperatures, amplitude }))
+        if let Some((name, values)) = self.quantities.iter().find(|(_, values)| ![1, count].contains(&values.len())) {
+            let (name, values) = (name.name(), values.len());
+            return Err(input(format!(
+                "{name} has {values} values for {count} frames: give one number, or one per frame"
+            )));
+        }
+        Ok((depth, Call { given, count, times, temperatures, quantities: &self.quantities, amplitude }))
     }
 
     /// Takes the frames one by one, without the GIL, from `depth` (that in `out` where it is not given) to `out`, which has
@@ -187,7 +202,7 @@ impl Corrector {
             }
             Ok(sum)
         };
-        let corrected: Result<_, CorrectorError> = self.threads.as_ref().unwrap_or(&SHARED).run(py, all)?;
+        let corrected: Result<_, CorrectorError> = self.threads.as_deref().unwrap_or(&SHARED).run(py, all)?;
         corrected.map_err(input)
     }
 }
@@ -223,14 +238,30 @@ impl Corrector {
                 None => corrector,
             })
         })?;
-        let threads = threads.map(|number| FrameThreads::new(Some(number)));
-        Ok(Self { native: Arc::new(native), record: pickled, inputs, threads })
+        let threads = threads.map(|number| Arc::new(FrameThreads::new(Some(number))));
+        Ok(Self { native: Arc::new(native), record: pickled, inputs, threads, quantities: Vec::new() })
     }
 
     /// Pickled as its calibration, from which the other process builds it again.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String, Option<usize>))> {
         let build = py.import("depthcal._calibration")?.getattr("_corrector")?;
-        Ok((build, (json(&*self.record)?, self.threads.as_ref().and_then(FrameThreads::number))))
+        Ok((build, (json(&*self.record)?, self.threads.as_deref().and_then(FrameThreads::number))))
+    }
+
+    /// This corrector for frames with these values of further quantities: keys are columns of frames.csv such as ``exposure_ms``,
+    /// values one number, or one per frame of a call. Tables are shared. Raises InputError.
+    fn with_quantities(&self, quantities: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let of_one = |(name, values): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<(Quantity, Vec<f64>)> {
+            let name: String = name.extract()?;
+            let quantity = Quantity::named(&name).ok_or_else(|| {
+                input(format!("'{name}' does not end in a unit, as exposure_ms does: name a column of frames.csv"))
+            })?;
+            let count = numbers(&name, &values)?.shape().first().copied().unwrap_or(1);
+            Ok((quantity, per_frame(&name, Some(&values), count)?))
+        };
+        let quantities = quantities.iter().map(of_one).collect::<PyResult<_>>()?;
+        let (native, record) = (self.native.clone(), self.record.clone());
+        Ok(Self { native, record, inputs: self.inputs.clone(), threads: self.threads.clone(), quantities })
     }
 
     /// Width of its images, px.
@@ -251,12 +282,14 @@ impl Corrector {
         self.native.has_tables()
     }
 
-    /// Arguments that its effects need: some of ``time_s``, ``temperature_c``, ``amplitude``. Without them these effects stay.
+    /// Arguments that its effects need: some of ``time_s``, ``temperature_c``, ``amplitude``, and the quantities of
+    /// ``with_quantities``. Without them these effects stay.
     #[getter]
     fn needs(&self) -> Vec<&'static str> {
         let needs = self.native.needs();
         let all = [(needs.time, "time_s"), (needs.temperature, "temperature_c"), (needs.amplitude, "amplitude")];
-        all.into_iter().filter(|(needed, _)| *needed).map(|(_, name)| name).collect()
+        let quantities = needs.quantities.into_iter().flatten().map(Quantity::name);
+        all.into_iter().filter(|(needed, _)| *needed).map(|(_, name)| name).chain(quantities).collect()
     }
 
     /// Corrected depth, of the shape, type and unit of ``depth``: (height, width), or (frames, height, width).

@@ -82,7 +82,7 @@ impl Effect {
     ) -> PyResult<Self> {
         let known = FormulaCovariate::at(HookKind::Depth);
         let covariate = |name: &String| {
-            let covariate = FormulaCovariate::of(name).filter(|covariate| known.contains(covariate));
+            let covariate = FormulaCovariate::of(name).filter(|covariate| covariate.is_known_at(HookKind::Depth));
             let names = || known.iter().map(|c| c.name()).collect::<Vec<_>>().join(", ");
             covariate.ok_or_else(|| input(format!("'{name}' is no covariate of depth; known are {}", names())))
         };

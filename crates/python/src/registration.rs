@@ -134,6 +134,7 @@ impl Registration {
                 time_s: time_s.unwrap_or(0.0),
                 temperature_c: temperature_c.unwrap_or(f64::NAN),
                 amplitude: amplitude.as_ref().map(|data| AmplitudeImage { width, height, data }),
+                ..FrameContext::default()
             };
             let taken = Taken {
                 time_s: timestamp_s.or(time_s).unwrap_or(f64::NAN),

@@ -3,6 +3,7 @@
 use super::input::ReportCamera;
 use super::pool::Pool;
 use depthcal_calibration::judge::depth_errors::PixelError;
+use depthcal_model::Quantities;
 
 /// Bins of a covariate.
 pub(super) const BINS: usize = 14;
@@ -76,8 +77,22 @@ pub(super) struct Covariate {
     pub value: Value,
 }
 
-/// All covariates. Data in which one is unknown or constant have no axis for it.
-pub(super) fn all(image: &Image) -> Vec<Covariate> {
+/// All covariates, the quantities that users record among them. Data in which one is unknown or constant have no axis for it.
+pub(super) fn all(camera: &ReportCamera<'_>, image: &Image) -> Vec<Covariate> {
+    let pool = Pool::of(camera, |_| true);
+    let recorded =
+        Quantities::names_of(pool.pixels().map(|p| &p.context.quantities)).into_iter().map(|quantity| Covariate {
+            id: quantity.name(),
+            name: quantity.name(),
+            unit: if quantity.unit() == "1" { "" } else { quantity.unit() },
+            hint: "Of the frame, as its column of frames.csv has it.",
+            value: Box::new(move |p| p.context.quantities.value(quantity)),
+        });
+    usual(image).into_iter().chain(recorded).collect()
+}
+
+/// Those of every capture.
+fn usual(image: &Image) -> Vec<Covariate> {
     let centre = image.centre;
     let new = |id, name, unit, hint, value: Value| Covariate { id, name, unit, hint, value };
     vec![

@@ -84,7 +84,7 @@ impl Leftover {
             let basis = smooth_over(BOARD_GRID, ORDER_OVER);
             findings.push(finding("the position on the board", &board, &basis, place));
         }
-        for covariate in all(image) {
+        for covariate in all(camera, image) {
             let Some(axis) = Axis::over(pool.pixels().map(&covariate.value), BINS) else { continue };
             let binned = Binned::new(&pool, BINS, |p| axis.bin((covariate.value)(p)), after, sigma);
             let place = |c: usize| format!("around {} {}", number(axis.middle(c)), covariate.unit);

@@ -195,7 +195,7 @@ fn left_by_model(
 fn trends_by_model(page: &mut Content, camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>, image: &Image) {
     let taken = figures::Taken::of(camera, d);
     let list: Vec<Figure> =
-        all(image).par_iter().filter_map(|c| figures::model_curve(camera, d, taken.as_ref(), c)).collect();
+        all(camera, image).par_iter().filter_map(|c| figures::model_curve(camera, d, taken.as_ref(), c)).collect();
     if !list.is_empty() {
         let intro = "Points: mean over the frames of each frame's median error in the bin; whiskers: its 95 % interval. Dotted: \
                      change of the error from the declared to the last model. Where the added effects are the cause, the \
@@ -324,7 +324,7 @@ fn single_frames(page: &mut Content, list: Vec<Figure>) {
 }
 
 fn against(page: &mut Content, camera: &ReportCamera<'_>, image: &Image) {
-    let mut list: Vec<Figure> = all(image).par_iter().filter_map(|c| figures::curve(camera, c)).collect();
+    let mut list: Vec<Figure> = all(camera, image).par_iter().filter_map(|c| figures::curve(camera, c)).collect();
     let with_depth = !list.is_empty();
     list.extend(figures::image_trend(camera, image));
     if list.is_empty() {

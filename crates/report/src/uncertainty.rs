@@ -1,6 +1,6 @@
 //! Uncertainty of corrected depth: the covariance of the parameters propagated through the correction.
 
-use depthcal_model::Context;
+use depthcal_model::{Context, Quantities};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -42,6 +42,9 @@ pub(super) fn typical(c: &CalibratedCamera, pixel: [f64; 2]) -> Context {
         amplitude: quantile(contexts().map(|c| c.amplitude), 0.5),
         time_s: quantile(c.capture.frames.iter().map(|f| f.time_s), 0.5),
         temperature_c: quantile(c.capture.frames.iter().map(|f| f.temperature_c), 0.5),
+        quantities: Quantities::summarized(c.capture.frames.iter().map(|f| &f.quantities), |values| {
+            quantile(values, 0.5)
+        }),
         ..Context::default()
     }
 }

@@ -164,13 +164,8 @@ impl Calibrated {
 
     /// The frames that were fitted, as they were detected.
     pub fn capture(&self) -> Capture {
-        let camera = |camera: &CameraFit| CameraCapture {
-            name: camera.name.clone(),
-            capture: CameraFrames::detected(&camera.calibrated.capture),
-            declared: None,
-            lens: None,
-            camera_from_rig: None,
-        };
+        let camera =
+            |camera: &CameraFit| CameraCapture::of(&camera.name, CameraFrames::detected(&camera.calibrated.capture));
         Capture { name: self.name.clone(), cameras: self.cameras.iter().map(camera).collect() }
     }
 }

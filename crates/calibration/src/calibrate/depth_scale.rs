@@ -18,12 +18,23 @@ const MM_PER_INCH: f64 = 25.4;
 /// Relative difference of two ratios within which they count as equal: depth cameras are off by as much.
 const EQUAL: f64 = 0.02;
 
+/// Units in which depth is stored.
+const USUAL_UNITS: [(f64, &str); 6] = [
+    (1000.0, "metres"),
+    (10.0, "centimetres"),
+    (1.0, "millimetres"),
+    (0.25, "quarters of a millimetre"),
+    (0.2, "5000 steps to a metre"),
+    (0.1, "tenths of a millimetre"),
+];
+
 /// Depth and image disagree in scale by more than a depth camera's error.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error(
     "measured depth is {scale:.3} times the depth at which the images see the board, far more than any depth camera is off: check \
-     depth.unit_mm (declared {unit_mm}, {:.4} would fit) and board.spacing_mm (declared {spacing_mm}, {:.4} would fit{}) in dataset.toml",
+     depth.unit_mm (declared {unit_mm}, {:.4} would fit{}) and board.spacing_mm (declared {spacing_mm}, {:.4} would fit{}) in dataset.toml",
     self.fitting_unit_mm(),
+    self.usual_unit().map_or_else(String::new, |(unit, what)| format!("; depth in {what} has unit_mm = {unit}")),
     self.fitting_spacing_mm(),
     if self.is_in_inches() { "; the declared one is in inches" } else { "" }
 )]
@@ -45,6 +56,13 @@ impl ImplausibleScale {
     /// The `unit_mm` with which depth and image would agree.
     pub fn fitting_unit_mm(&self) -> f64 {
         self.unit_mm / self.scale
+    }
+
+    /// The usual unit with which depth and image would agree, as closely as a depth camera measures.
+    fn usual_unit(&self) -> Option<(f64, &'static str)> {
+        USUAL_UNITS
+            .into_iter()
+            .find(|(unit, _)| (self.fitting_unit_mm() / unit - 1.0).abs() < PLAUSIBLE_SCALE_DEVIATION)
     }
 
     /// Whether the board's size is declared in inches.
@@ -104,4 +122,18 @@ fn depth_scale(capture: &CameraFrames<SampledFrame>) -> Option<f64> {
     };
     let mut ratios: Vec<f64> = capture.frames.iter().flat_map(of_frame).filter(|ratio| ratio.is_finite()).collect();
     upper_median(&mut ratios)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_usual_unit_is_named_where_it_fits() {
+        let message = |scale: f64, unit_mm: f64| ImplausibleScale { scale, spacing_mm: 17.0, unit_mm }.to_string();
+        // Depth in metres that was declared as millimetres, by a camera that measures 1 % too little.
+        assert!(message(0.00099, 1.0).contains("metres has unit_mm = 1000"), "{}", message(0.00099, 1.0));
+        assert!(message(5.03, 1.0).contains("5000 steps to a metre has unit_mm = 0.2"));
+        assert!(!message(3.0, 1.0).contains("has unit_mm"));
+    }
 }

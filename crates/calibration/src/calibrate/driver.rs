@@ -10,7 +10,7 @@ use super::contradiction::check_evidence;
 use super::error::CalibrateError;
 use super::folds::check_invertible;
 use super::options::CalibrateOptions;
-use super::rig::{Started, left_open, start};
+use super::rig::{Started, compare_with_expected, left_open, start};
 use super::rules::{joint_rules, rules_by_node};
 use super::settle::{Settled, settle};
 use crate::adjust::field_cells::node_count;
@@ -42,7 +42,9 @@ pub(crate) fn fit(capture: &Capture, options: &CalibrateOptions) -> Result<Calib
             drifting.drift = Some(*drift);
         }
     }
-    adjusted(&capture.name, started, options)
+    let calibrated = adjusted(&capture.name, started, options)?;
+    compare_with_expected(capture, &calibrated.cameras);
+    Ok(calibrated)
 }
 
 /// From start values to calibrated cameras.

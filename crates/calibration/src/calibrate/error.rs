@@ -154,6 +154,21 @@ pub enum CalibrateError {
         /// The missing data and the remedy, in words.
         reason: String,
     },
+    /// An effect depends on a column of `frames.csv` that the dataset lacks.
+    #[error(
+        "the effect '{effect}' depends on '{column}', but the frames of '{dataset}' have no such values: give the column {column} in \
+         frames.csv, {known}"
+    )]
+    UnknownQuantity {
+        /// The effect.
+        effect: String,
+        /// The column.
+        column: String,
+        /// The dataset.
+        dataset: String,
+        /// The columns that there are, in words.
+        known: String,
+    },
     /// A prior has no finite standard deviation.
     #[error("a prior of the camera's parameters cannot be used: {0}; declare intrinsics that are finite and not zero")]
     Prior(#[from] NoiseError),

@@ -5,6 +5,7 @@ use tracing::warn;
 
 use super::calibrated_camera::CalibratedCamera;
 use super::camera_options::CameraOptions;
+use super::declared_lens::settle_with_declared_lens;
 use super::error::CalibrateError;
 use super::frame_checks::{markers_of, posed, repair, with_homographies, without_gross_markers};
 use super::held::{check, hold};
@@ -12,6 +13,7 @@ use super::lens_choice::settle_with_chosen_lens;
 use super::lens_comparison::{AUTO, fit_best_lens};
 use super::lens_order::{BROWN_CONRADY, LensOrder, requested};
 use super::model_blocks::{depth_blocks, image_blocks};
+use super::needed_quantities::check_quantities;
 use super::rules::{Freedom, ROUNDS, Rules};
 use super::settle::settle;
 use crate::adjust::state::{CameraState, State};
@@ -47,6 +49,7 @@ pub(crate) fn calibrate_image_or_cause(
     capture: &CameraFrames,
     options: &CameraOptions,
 ) -> Result<CalibratedCamera<PosedFrame>, CalibrateError> {
+    check_quantities(capture, options)?;
     let result = calibrate_image(capture, options).inspect(hint_at_stretched_board);
     #[cfg(feature = "detect")]
     let result = result.map_err(|error| {
@@ -126,6 +129,9 @@ fn calibrate_image_with_lens(
     let start = CameraState { prior: options.prior.clone(), ..CameraState::reference(capture, camera, noise) };
     if is_chosen {
         return settle_with_chosen_lens(&start, &rules, options);
+    }
+    if is_declared {
+        return settle_with_declared_lens(&start, &rules, options);
     }
     Ok(settle(State::of_camera(start), &rules, options)?.only_camera(options))
 }

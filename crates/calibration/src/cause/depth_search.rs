@@ -155,6 +155,7 @@ mod tests {
             width: SIDE,
             height: SIDE,
             depth_unit_mm: Some(1.0),
+            disparity: None,
             technology: None,
             frames: (0..FRAMES).map(frame).collect(),
             dropped: Vec::new(),

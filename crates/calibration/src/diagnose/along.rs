@@ -1,6 +1,6 @@
 //! Covariates of free functions.
 
-use depthcal_model::Context;
+use depthcal_model::{Context, Quantity};
 
 /// The covariate of a free function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -25,6 +25,8 @@ pub enum Along {
     Temperature,
     /// Position on the board: its shape.
     Board,
+    /// A quantity of the frame that the user records.
+    Quantity(Quantity),
 }
 
 impl Along {
@@ -42,6 +44,7 @@ impl Along {
             Self::Time => [context.time_s, 0.0],
             Self::Temperature => [context.temperature_c, 0.0],
             Self::Board => [state[0], state[1]],
+            Self::Quantity(quantity) => [context.quantities.value(quantity), 0.0],
         }
     }
 

@@ -1,6 +1,8 @@
 //! Experiment design: captures that would answer what these captures leave open. Frames that would distinguish effects, and
 //! covariates that were not recorded.
 
+use std::collections::BTreeSet;
+
 use depthcal_model::{Context, Covariate, PieceSpec, Register, Role};
 use nalgebra::DVector;
 use tracing::info;
@@ -143,6 +145,7 @@ fn possible_frames(fit: &CalibratedCamera) -> Vec<(ProposedFrame, SampledFrame)>
     let Some(depth) = states.range(|s, _| 1.0 / s[2]) else { return Vec::new() };
     let temperature = states.range(|_, c| c.temperature_c);
     let amplitude = states.range(|_, c| c.amplitude).map_or(f64::NAN, |r| r.middle);
+    let quantities = states.usual_quantities();
     let time_s = states.range(|_, c| c.time_s).map_or(0.0, |r| r.middle);
     let mut conditions = vec![(None, temperature.map_or(f64::NAN, |t| t.middle))];
     conditions.extend(temperature.map(|t| (Some(WARMER_C), t.high + WARMER_C)));
@@ -153,7 +156,8 @@ fn possible_frames(fit: &CalibratedCamera) -> Vec<(ProposedFrame, SampledFrame)>
             let [u, v] = place.position();
             for tilt in BoardTilt::DIAGNOSED {
                 for (warmer_c, temperature_c) in &conditions {
-                    let context = Context { amplitude, time_s, temperature_c: *temperature_c, ..Context::default() };
+                    let temperature_c = *temperature_c;
+                    let context = Context { amplitude, time_s, temperature_c, quantities, ..Context::default() };
                     let (camera, target) = (&fit.camera, &fit.capture.target);
                     let pose = pose_showing(camera, target, distance_mm, [u * w, v * h], tilt.angles_deg());
                     if let Some(frame) = pose.and_then(|p| predicted_frame(camera, target, &p, &context)) {
@@ -191,5 +195,7 @@ pub fn missing_covariates(
         let effects: Vec<String> = effects.map(|piece| piece.name().to_owned()).collect();
         (!effects.is_empty()).then_some(CaptureProposal::Record { covariate: *covariate, effects })
     };
-    Covariate::ALL.iter().filter(|c| is_missing(c)).filter_map(proposal).collect()
+    let of_users = lacking.iter().flat_map(|p| p.needs()).filter(|c| matches!(c, Covariate::Quantity(_)));
+    let of_users: BTreeSet<Covariate> = of_users.copied().collect();
+    Covariate::ALL.iter().chain(&of_users).filter(|c| is_missing(c)).filter_map(proposal).collect()
 }

@@ -30,6 +30,10 @@ const AMPLITUDE: usize = 6;
 const INCIDENCE: usize = 5;
 const TIME: usize = 6;
 const TEMPERATURE: usize = 5;
+/// Basis functions over a quantity that the user records.
+const QUANTITY: usize = 6;
+/// Least range of such a quantity, over its largest value.
+const LEAST_QUANTITY_SPAN: f64 = 0.02;
 
 /// A free function, ready to be tested.
 #[derive(Debug, Clone)]
@@ -92,6 +96,11 @@ pub fn free_functions(
     along("time", Along::Time, states.range(|_, c| c.time_s), TIME, thresholds.least_time_span_s);
     let temperature = states.range(|_, c| c.temperature_c);
     along("temperature", Along::Temperature, temperature, TEMPERATURE, thresholds.least_temperature_span_c);
+    for quantity in states.quantities() {
+        let range = states.range(|_, c| c.quantities.value(quantity));
+        let least = range.map_or(0.0, |r| LEAST_QUANTITY_SPAN * r.low.abs().max(r.high.abs()));
+        along(quantity.name(), Along::Quantity(quantity), range, QUANTITY, least);
+    }
     // Lenses and light make errors of the ray that change with depth: functions of either alone do not follow them.
     if let Some((radii, depths)) = radii.zip(depths).filter(|(r, d)| r.span() > 0.0 && d.span() > 0.0) {
         let [of_radius, of_depth] = RADIUS_AND_DEPTH;

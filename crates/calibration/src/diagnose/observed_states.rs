@@ -1,8 +1,10 @@
 //! The states at which pieces act on the observations of a fit, at the fitted poses, and the size of an effect over them.
 
+use std::collections::BTreeSet;
+
 use depthcal_model::hook::HookKind;
-use depthcal_model::{Block, Context};
-use depthcal_statistics::nearest_rank;
+use depthcal_model::{Block, Context, Quantities, Quantity};
+use depthcal_statistics::{nearest_rank, quantile};
 
 use crate::calibrate::CalibratedCamera;
 use crate::observe::board_plane::BoardPlane;
@@ -88,6 +90,16 @@ impl ObservedStates {
     pub fn spread(&self, count: usize) -> impl Iterator<Item = ([f64; 4], Context)> {
         let step = (self.depth.len() / count.max(1)).max(1);
         self.depth.iter().copied().zip(self.contexts.iter().copied()).step_by(step)
+    }
+
+    /// The quantities that the frames have besides time and temperature.
+    pub fn quantities(&self) -> BTreeSet<Quantity> {
+        Quantities::names_of(self.contexts.iter().map(|context| &context.quantities))
+    }
+
+    /// These quantities at their medians.
+    pub fn usual_quantities(&self) -> Quantities {
+        Quantities::summarized(self.contexts.iter().map(|context| &context.quantities), |values| quantile(values, 0.5))
     }
 
     /// Range over the depth samples of `value`, a function of state (x, y, ρ, cosine of incidence) and covariates.

@@ -63,6 +63,7 @@ pub(super) fn own_covariate(block: &Block, states: &ObservedStates) -> Option<Al
                 Along::Amplitude => context.amplitude = own.1.amplitude,
                 Along::Time => context.time_s = own.1.time_s,
                 Along::Temperature => context.temperature_c = own.1.temperature_c,
+                Along::Quantity(_) => context.quantities = own.1.quantities,
                 _ => {
                     state[..2].copy_from_slice(&own.0[..2]);
                     context.pixel = own.1.pixel;
@@ -72,7 +73,8 @@ pub(super) fn own_covariate(block: &Block, states: &ObservedStates) -> Option<Al
         });
         mixed.zip(&sizes).all(|(mixed, size)| (shape(mixed) - size).abs() <= UNCHANGED * largest)
     };
-    COVARIATES.into_iter().find(depends_on_it_alone).filter(|_| largest > 0.0)
+    let quantities = states.quantities().into_iter().map(Along::Quantity);
+    COVARIATES.into_iter().chain(quantities).find(depends_on_it_alone).filter(|_| largest > 0.0)
 }
 
 /// The free function that an effect is compared with, over an image of `size` columns and rows; `None` for effects of several

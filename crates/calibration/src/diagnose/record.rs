@@ -222,6 +222,7 @@ fn along(along: Along) -> DiagnosisCovariate {
         Along::Time => DiagnosisCovariate::Time,
         Along::Temperature => DiagnosisCovariate::Temperature,
         Along::Board => DiagnosisCovariate::Board,
+        Along::Quantity(quantity) => DiagnosisCovariate::Quantity(quantity),
     }
 }
 
@@ -234,6 +235,7 @@ fn covariate(covariate: Covariate) -> DiagnosisCovariate {
         Covariate::Amplitude => DiagnosisCovariate::Amplitude,
         Covariate::Surroundings => DiagnosisCovariate::Surroundings,
         Covariate::StrayLight => DiagnosisCovariate::StrayLight,
+        Covariate::Quantity(quantity) => DiagnosisCovariate::Quantity(quantity),
     }
 }
 

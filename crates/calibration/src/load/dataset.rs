@@ -151,6 +151,7 @@ impl Loaded {
             declared: None,
             lens: loaded.declared.camera.as_ref().and_then(|camera| camera.lens.clone()),
             camera_from_rig: loaded.declared.camera_from_rig.map(rigid_motion),
+            expected_from_rig: loaded.declared.expected_from_rig.map(rigid_motion),
         };
         Capture { name: self.name.clone(), cameras: self.cameras.iter().map(camera).collect() }
     }
@@ -367,6 +368,7 @@ pub(super) fn assemble(
         width,
         height,
         depth_unit_mm: dataset.depth_unit_mm,
+        disparity: dataset.disparity,
         technology: dataset.technology(),
         frames: frames_with_board,
         dropped,
@@ -388,6 +390,7 @@ fn read_depth_only(dataset: DatasetCamera, path: &Path, options: &LoadOptions) -
         width,
         height,
         depth_unit_mm: dataset.depth_unit_mm,
+        disparity: dataset.disparity,
         technology: dataset.technology(),
         frames: frames.into_iter().flat_map(|raw| per_board(raw, &dataset.target)).map(detected).collect(),
         dropped: strays.collect(),

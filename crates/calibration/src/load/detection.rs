@@ -163,6 +163,7 @@ fn refine(
         width,
         height,
         depth_unit_mm: None,
+        disparity: None,
         technology: None,
         frames: frames
             .iter()

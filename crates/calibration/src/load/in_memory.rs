@@ -98,6 +98,7 @@ pub fn declared_in_memory(name: &str, target: &Target, depth_unit_mm: Option<f64
         disparity: None,
         camera: None,
         camera_from_rig: None,
+        expected_from_rig: None,
         pairing: Pairing::default(),
         strays: Vec::new(),
         lists: Vec::new(),

@@ -1,6 +1,6 @@
 //! All frames of one camera at one stage.
 
-use depthcal_io::DroppedFrame;
+use depthcal_io::{Disparity, DroppedFrame};
 use depthcal_model::{Target, Technology};
 use nalgebra::Isometry3;
 
@@ -19,6 +19,8 @@ pub struct CameraFrames<F = DetectedFrame> {
     pub height: usize,
     /// Millimetres per step of the depth images, where there are any.
     pub depth_unit_mm: Option<f64>,
+    /// How the disparities that its files hold become depth; the frames have depth in mm then.
+    pub disparity: Option<Disparity>,
     /// The principle by which the camera measures depth, where it is declared.
     pub technology: Option<Technology>,
     /// The frames.
@@ -44,6 +46,7 @@ impl<F> CameraFrames<F> {
             width: self.width,
             height: self.height,
             depth_unit_mm: self.depth_unit_mm,
+            disparity: self.disparity,
             technology: self.technology,
             frames,
             dropped: self.dropped.clone(),

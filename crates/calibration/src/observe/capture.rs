@@ -29,9 +29,17 @@ pub struct CameraCapture {
     pub lens: Option<String>,
     /// Its extrinsics where they are known: no fit changes them.
     pub camera_from_rig: Option<Isometry3<f64>>,
+    /// Extrinsics that are expected: a fit is held against them.
+    pub expected_from_rig: Option<Isometry3<f64>>,
 }
 
 impl CameraCapture {
+    /// The frames of a camera of which nothing is declared.
+    pub fn of(name: &str, capture: CameraFrames) -> Self {
+        let (declared, lens) = (None, None);
+        Self { name: name.to_owned(), capture, declared, lens, camera_from_rig: None, expected_from_rig: None }
+    }
+
     /// Whether it has images in which the board was found.
     pub fn has_markers(&self) -> bool {
         self.capture.frames.iter().any(|frame| !frame.markers.is_empty())
@@ -41,12 +49,7 @@ impl CameraCapture {
 impl Capture {
     /// The frames of a camera that is alone.
     pub fn of_camera(camera: &str, capture: CameraFrames) -> Self {
-        let name = capture.name.clone();
-        let camera = camera.to_owned();
-        Self {
-            name,
-            cameras: vec![CameraCapture { name: camera, capture, declared: None, lens: None, camera_from_rig: None }],
-        }
+        Self { name: capture.name.clone(), cameras: vec![CameraCapture::of(camera, capture)] }
     }
 
     /// Names of all frames, in the order in which cameras have them: those of the first camera first.

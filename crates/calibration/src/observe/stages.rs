@@ -5,7 +5,7 @@ use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 use depthcal_io::{DepthFrame, FrameMetadata, GrayImage, ImageError, MarkerObservation};
-use depthcal_model::Context;
+use depthcal_model::{Context, Quantities};
 use nalgebra::Isometry3;
 
 use super::kept_light::FrameLight;
@@ -55,6 +55,8 @@ pub struct RawFrame {
     pub time_s: f64,
     /// Temperature, °C; NaN where unknown.
     pub temperature_c: f64,
+    /// Further quantities.
+    pub quantities: Quantities,
     /// The frame's metadata as the dataset has them.
     pub metadata: FrameMetadata,
     /// The image (the infrared amplitude), where there is one.
@@ -79,12 +81,13 @@ pub struct OpenFrame<'a> {
 }
 
 impl RawFrame {
-    /// A frame without image and depth, with the time and the temperature of its metadata.
+    /// A frame without image and depth, with the time, the temperature and the quantities of its metadata.
     pub fn named(name: &str, metadata: &FrameMetadata) -> Self {
         Self {
             name: name.to_owned(),
             time_s: metadata.timestamp_s.unwrap_or(0.0),
             temperature_c: metadata.temperature_c.unwrap_or(f64::NAN),
+            quantities: metadata.quantities(),
             metadata: metadata.clone(),
             ..Self::default()
         }
@@ -148,8 +151,8 @@ impl OpenFrame<'_> {
     /// [`context`](Self::context) without the covariates of the surroundings, which cost some hundred times as much.
     pub fn conditions(&self, pixel: [f64; 2]) -> Context {
         let amplitude = self.image.as_ref().map_or(f64::NAN, |image| neighbourhood::amplitude(image, pixel));
-        let (time_s, temperature_c) = (self.raw.time_s, self.raw.temperature_c);
-        Context { pixel, amplitude, time_s, temperature_c, ..Context::default() }
+        let RawFrame { time_s, temperature_c, quantities, .. } = *self.raw;
+        Context { pixel, amplitude, time_s, temperature_c, quantities, ..Context::default() }
     }
 }
 

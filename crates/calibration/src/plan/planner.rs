@@ -1,6 +1,6 @@
 //! The greedy choice of poses.
 
-use depthcal_model::Context;
+use depthcal_model::{Context, Quantities};
 use depthcal_statistics::quantile;
 use nalgebra::{DMatrix, DVector, Isometry3};
 use rayon::prelude::*;
@@ -257,6 +257,9 @@ fn conditions(capture: &CameraFrames<SampledFrame>) -> Context {
         amplitude: middle(|c| c.amplitude),
         time_s: if contexts().next().is_some() { middle(|c| c.time_s) } else { 0.0 },
         temperature_c: middle(|c| c.temperature_c),
+        quantities: Quantities::summarized(capture.frames.iter().map(|f| &f.quantities), |values| {
+            quantile(values, 0.5)
+        }),
         ..Context::default()
     }
 }

@@ -19,6 +19,7 @@ use super::made::Made;
 use super::results::{Results, Shown};
 use crate::camera_record::covariance_of;
 use crate::camera_record::piece_records;
+use crate::depth_uncertainty::usual_quantities;
 use crate::judge::difference::{Propagated, depends_on_distance, depth_differences, projection_difference};
 use crate::observe::PlacedCamera;
 
@@ -218,7 +219,10 @@ fn camera_difference(sides: [SideCamera<'_>; 2]) -> CameraDifference {
         vec![projection(pair, &pixels, distances[steps / 2], false)]
     };
     let depth = if sides.iter().any(SideCamera::corrects_depth) {
-        let base = Context { temperature_c: temperature(&sides), ..Context::default() };
+        let records = sides.iter().filter_map(|side| side.calibration.map(|(calibration, _)| calibration));
+        let mut quantities = records.map(usual_quantities).filter(|quantities| quantities.iter().next().is_some());
+        let quantities = quantities.next().unwrap_or_default();
+        let base = Context { temperature_c: temperature(&sides), quantities, ..Context::default() };
         let contexts: Vec<Context> = pixels.iter().map(|pixel| Context { pixel: *pixel, ..base }).collect();
         let all = depth_differences(pair, &contexts, &distances);
         all.iter().zip(&distances).map(|(difference, distance)| depth(difference, &pixels, *distance)).collect()

@@ -9,10 +9,10 @@ use depthcal_calibration::depth_uncertainty::uncertain_depth;
 use depthcal_calibration::observe::PlacedCamera;
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext};
 use depthcal_io::{
-    Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, Frame, GrayImage, RgbImage, check_writable,
-    write_depth_frame,
+    Calibration, CameraRecord, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, Disparity, GrayImage, RgbImage,
+    check_writable, write_depth_frame,
 };
-use depthcal_model::Camera;
+use depthcal_model::{Camera, Quantities};
 use depthcal_report::format::count;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -91,10 +91,11 @@ impl Apply {
             return self.run_register(&calibration, target, session);
         }
         if self.depth.iter().any(|path| path.as_os_str() == "-") {
+            self.check_steps_of_stream(&calibration.camera)?;
             self.run_stream(&camera, self.unit_mm.or(calibration.camera.depth_unit_mm), None)?;
             return Ok(Value::Null);
         }
-        let jobs = self.jobs(calibration.camera.depth_unit_mm)?;
+        let jobs = self.jobs(&calibration.camera)?;
         self.check_names(&jobs)?;
         let corrector = self.corrector(&calibration, &camera)?;
         warn_of_missing(&corrector, &jobs);
@@ -170,6 +171,8 @@ impl Apply {
         if self.depth.iter().any(|path| path.as_os_str() == "-") {
             let cameras = Registered::of(&cameras, calibration, self.stream.stream_camera.as_deref(), target)?;
             let depth = cameras.depth.camera.clone();
+            let record = calibration.cameras().find(|camera| camera.name == cameras.depth.name);
+            record.map_or(Ok(()), |record| self.check_steps_of_stream(record))?;
             self.run_stream(&depth, cameras.unit_mm, Some(cameras))?;
             return Ok(Value::Null);
         }
@@ -206,6 +209,51 @@ impl Apply {
         self.stream.run(StreamContext { corrector: &corrector, unit_mm, calibration: &self.calibration, register })
     }
 
+    /// Refuses a stream of whole steps for a camera whose files hold disparities: they may be disparities, or depth.
+    fn check_steps_of_stream(&self, camera: &CameraRecord) -> Result<(), Failure> {
+        match camera.disparity {
+            Some(_) if self.stream.takes_steps() => Err(Failure::Input(format!(
+                "{}: this camera's files hold disparities, which a stream of u16 does not convert: make depth of them and give \
+                 --stream-input f32, in mm",
+                self.calibration.display()
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// How the values of bare files become depth: the millimetres of a step, and the function of disparities.
+    fn meaning_of_files(&self, path: &Path, camera: &CameraRecord) -> Result<(f64, Option<Disparity>), Failure> {
+        if let Some(Disparity([a, b])) = camera.disparity {
+            return match self.unit_mm {
+                None => Ok((1.0, camera.disparity)),
+                Some(_) => Err(Failure::Input(format!(
+                    "{}: this camera's files hold disparities d, and become depth by 1/z = {a} + {b} d: leave --unit-mm out; depth \
+                     that was made of them elsewhere needs a dataset.toml with depth.unit_mm",
+                    self.calibration.display()
+                ))),
+            };
+        }
+        let unit_mm = self.unit_mm.or(camera.depth_unit_mm).ok_or_else(|| {
+            Failure::Input(format!(
+                "{}: the depth unit is unknown: {} does not record it; give --unit-mm, the millimetres per step of these images",
+                path.display(),
+                self.calibration.display()
+            ))
+        })?;
+        Ok((unit_mm, None))
+    }
+
+    /// Refuses to write depth that was made of disparities to files of whole numbers.
+    fn check_fractions<'a>(&self, what: &Path, mut depth: impl Iterator<Item = &'a Path>) -> Result<(), Failure> {
+        if depth.all(|path| !["png", "pgm"].contains(&self.written.extension(path).as_str())) {
+            return Ok(());
+        }
+        Err(Failure::Input(format!(
+            "{}: depth that is made of disparities is floating-point, which PNG and PGM cannot hold: give --format tiff, npy or exr",
+            what.display()
+        )))
+    }
+
     fn folder(&self) -> &Path {
         self.out.as_deref().unwrap_or(Path::new("depthcal-out/apply"))
     }
@@ -224,6 +272,7 @@ impl Apply {
         let context = FrameContext {
             time_s: job.time_s.unwrap_or(0.0),
             temperature_c: job.temperature_c.unwrap_or(f64::NAN),
+            quantities: job.quantities,
             amplitude: image.as_ref().map(Into::into),
         };
         if let Some(format) = self.written.cloud {
@@ -263,7 +312,7 @@ impl Apply {
         name.with_extension(self.written.extension(depth))
     }
 
-    fn jobs(&self, calibrated_unit: Option<f64>) -> Result<Vec<Job>, Failure> {
+    fn jobs(&self, camera: &CameraRecord) -> Result<Vec<Job>, Failure> {
         let (images, colors) = (by_stem(&self.image)?, by_stem(&self.color)?);
         let mut jobs = Vec::new();
         for path in &self.depth {
@@ -278,14 +327,10 @@ impl Apply {
                     first.display()
                 )));
             }
-            let unit_mm = self.unit_mm.or(calibrated_unit).ok_or_else(|| {
-                Failure::Input(format!(
-                    "{}: the depth unit is unknown: {} does not record it; give --unit-mm, the millimetres per step of \
-                     these images",
-                    path.display(),
-                    self.calibration.display()
-                ))
-            })?;
+            let (unit_mm, disparity) = self.meaning_of_files(path, camera)?;
+            if disparity.is_some() {
+                self.check_fractions(path, files.iter().map(PathBuf::as_path))?;
+            }
             for depth in files {
                 let image = images.get(&stem(&depth)).cloned();
                 if image.is_none() && !self.image.is_empty() {
@@ -300,9 +345,10 @@ impl Apply {
                     image,
                     color: None,
                     unit_mm,
-                    disparity: None,
+                    disparity,
                     time_s: None,
                     temperature_c: None,
+                    quantities: Quantities::NONE,
                 });
             }
         }
@@ -335,14 +381,8 @@ impl Apply {
                 file.display()
             )));
         }
-        let is_whole = |frame: &Frame| {
-            frame.depth.as_deref().is_some_and(|path| ["png", "pgm"].contains(&self.written.extension(path).as_str()))
-        };
-        if dataset.disparity.is_some() && dataset.frames.iter().any(is_whole) {
-            return Err(Failure::Input(format!(
-                "{}: depth that is made of disparities is floating-point, which PNG and PGM cannot hold: give --format tiff, npy or exr",
-                file.display()
-            )));
+        if dataset.disparity.is_some() {
+            self.check_fractions(&file, dataset.frames.iter().filter_map(|frame| frame.depth.as_deref()))?;
         }
         print_pairing(&dataset);
         for stray in &dataset.strays {
@@ -360,6 +400,7 @@ impl Apply {
                 disparity,
                 time_s: frame.metadata.timestamp_s.map(|t| t - first),
                 temperature_c: frame.metadata.temperature_c,
+                quantities: frame.metadata.quantities(),
             })
         });
         Ok(jobs.collect())
@@ -404,7 +445,11 @@ fn warn_of_missing(corrector: &Corrector, jobs: &[Job]) {
         ),
         (needs.amplitude, jobs.iter().any(|j| j.image.is_none()), "infrared amplitude", "the images with --image"),
     ];
-    for (needed, missing, what, remedy) in cases {
+    let of_quantities = needs.quantities.into_iter().flatten().map(|quantity| {
+        let missing = jobs.iter().any(|job| job.quantities.value(quantity).is_nan());
+        (true, missing, quantity.name(), "it in the dataset's table of frames")
+    });
+    for (needed, missing, what, remedy) in cases.into_iter().chain(of_quantities) {
         if needed && missing {
             complaint(
                 "warning",

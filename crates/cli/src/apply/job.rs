@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use depthcal_correction::Corrector;
 use depthcal_io::{DepthFrame, Disparity, GrayImage, check_same_size, read_depth_frame, read_gray};
+use depthcal_model::Quantities;
 
 use super::images::read_color;
 use crate::failure::{Failure, input};
@@ -18,13 +19,14 @@ pub(super) struct Job {
     pub(super) disparity: Option<Disparity>,
     pub(super) time_s: Option<f64>,
     pub(super) temperature_c: Option<f64>,
+    pub(super) quantities: Quantities,
 }
 
 impl Job {
     /// Everything that its results depend on, besides the calibration, the settings and the contents of its files.
     pub(super) fn key(&self) -> String {
-        let Self { depth, image, color, unit_mm, disparity, time_s, temperature_c } = self;
-        format!("{depth:?} {image:?} {color:?} {unit_mm} {disparity:?} {time_s:?} {temperature_c:?}")
+        let Self { depth, image, color, unit_mm, disparity, time_s, temperature_c, quantities } = self;
+        format!("{depth:?} {image:?} {color:?} {unit_mm} {disparity:?} {time_s:?} {temperature_c:?} {quantities:?}")
     }
 
     /// Its files.

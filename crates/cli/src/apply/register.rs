@@ -173,6 +173,7 @@ fn register_frame(
     let context = FrameContext {
         time_s: frame.metadata.timestamp_s.map_or(0.0, |t| t - camera.first_s),
         temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
+        quantities: frame.metadata.quantities(),
         amplitude: amplitude.as_ref().map(Into::into),
     };
     let points = points_of(&depth, camera.unit_mm, &camera.corrector, &context).map_err(|e| of_frame(&e))?;

@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
 use depthcal_io::DepthImage;
+use depthcal_model::Quantity;
 use depthcal_report::format::count;
 
 use super::stream_args::{FrameInput, FrameJob, Raw, StreamArgs, Written, bytes_of, in_steps};
@@ -126,7 +127,10 @@ impl StreamArgs {
             (needs.temperature && self.stream_temperature.is_none(), "temperature", "--stream-temperature"),
             (needs.amplitude && !self.stream_amplitude, "infrared amplitude", "--stream-amplitude"),
         ];
-        for (_, what, remedy) in missing.iter().filter(|(missing, ..)| *missing) {
+        let given = |quantity: &Quantity| self.stream_value.iter().any(|given| given.quantity == *quantity);
+        let not_given = needs.quantities.into_iter().flatten().filter(|quantity| !given(quantity));
+        let missing = missing.into_iter().chain(not_given.map(|quantity| (true, quantity.name(), "--stream-value")));
+        for (_, what, remedy) in missing.filter(|(missing, ..)| *missing) {
             complaint(
                 "warning",
                 0,

@@ -1,8 +1,11 @@
 //! Options and raw values of a stream.
 
+use std::str::FromStr;
+
 use clap::{Args, ValueEnum};
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext, PointsMut};
 use depthcal_io::{DepthImage, GrayImage};
+use depthcal_model::{Quantities, Quantity};
 
 /// Type of a raw frame's values: little-endian, row by row, nothing between frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -55,6 +58,30 @@ pub(super) struct StreamArgs {
     /// Temperature in °C, for effects that depend on it.
     #[arg(long, value_name = "CELSIUS", requires = "stream_output")]
     pub(super) stream_temperature: Option<f64>,
+    /// Value of a quantity such as exposure_ms=8.5, for effects that depend on it.
+    #[arg(long, value_name = "NAME=VALUE", requires = "stream_output")]
+    pub(super) stream_value: Vec<GivenValue>,
+}
+
+/// The value of a quantity of all frames.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GivenValue {
+    pub(super) quantity: Quantity,
+    value: f64,
+}
+
+impl FromStr for GivenValue {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let given = text.split_once('=').and_then(|(name, value)| {
+            let value = value.parse().ok().filter(|value: &f64| value.is_finite())?;
+            Some(Self { quantity: Quantity::named(name)?, value })
+        });
+        given.ok_or_else(|| {
+            "give the name of a column of frames.csv with its unit and a number, as exposure_ms=8.5".to_owned()
+        })
+    }
 }
 
 /// The work on the frames of a stream.
@@ -129,11 +156,17 @@ impl<'a> FrameInput<'a> {
 }
 
 impl StreamArgs {
+    /// Whether the values on standard input are whole steps.
+    pub(super) fn takes_steps(&self) -> bool {
+        self.stream_input == Raw::U16
+    }
+
     /// The conditions of frame number `index`.
     pub(super) fn context<'a>(&self, index: usize, amplitude: &'a GrayImage) -> FrameContext<'a> {
         FrameContext {
             time_s: self.stream_fps.map_or(0.0, |fps| index as f64 / fps),
             temperature_c: self.stream_temperature.unwrap_or(f64::NAN),
+            quantities: Quantities::new(self.stream_value.iter().map(|given| (given.quantity, given.value))),
             amplitude: self.stream_amplitude.then(|| amplitude.into()),
         }
     }

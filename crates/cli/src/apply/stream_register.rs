@@ -4,7 +4,7 @@
 use depthcal_calibration::observe::PlacedCamera;
 use depthcal_calibration::observe::Taken;
 use depthcal_correction::{CorrectionSummary, CorrectorError, PointsMut, colours_of, depth_into};
-use depthcal_io::{Calibration, RgbImage};
+use depthcal_io::{Calibration, CameraRecord, RgbImage};
 
 use super::stream_args::{FrameInput, FrameJob, Written, bytes_of, in_steps};
 use crate::failure::Failure;
@@ -34,7 +34,7 @@ impl Registered {
             camera
                 .ok_or_else(|| Failure::Input(format!("{option} {name}: the calibration has the cameras {}", known())))
         };
-        let unit = |name: &str| record.cameras().find(|c| c.name == name).and_then(|c| c.depth_unit_mm);
+        let unit = |name: &str| record.cameras().find(|c| c.name == name).and_then(unit_of_depth);
         let depth = match depth {
             Some(name) => named("--stream-camera", name)?,
             None => cameras.iter().find(|camera| unit(&camera.name).is_some()).cloned().ok_or_else(|| {
@@ -49,6 +49,11 @@ impl Registered {
         }
         Ok(Self { unit_mm: unit(&depth.name), depth, target: named("--register", target)? })
     }
+}
+
+/// Millimetres of a step of a camera's depth; disparities become mm.
+fn unit_of_depth(camera: &CameraRecord) -> Option<f64> {
+    camera.depth_unit_mm.or(camera.disparity.map(|_| 1.0))
 }
 
 /// Registration of the frames of a rig.

@@ -3,7 +3,9 @@
 //! Users add pieces of their own, so no list of names can be complete. A piece is evaluated instead: a quantity that
 //! changes no bit of its value at sampled pixels and depths is one that it does not depend on.
 
-use depthcal_model::{Camera, Context, Modulation, StrayLight, needed_light};
+use depthcal_model::{
+    Camera, Context, Covariate, MOST_QUANTITIES, Modulation, Quantities, Quantity, StrayLight, needed_light,
+};
 
 use crate::conventions::{TYPICAL_RHO, pixel};
 use crate::needs::Needs;
@@ -13,11 +15,34 @@ const DEPTHS_MM: [f64; 4] = [413.0, 907.0, 1733.0, 3109.0];
 /// Sampled pixels along each side of the image.
 const GRID: usize = 5;
 
+/// The quantities that users record on which pieces of a camera may depend.
+fn quantities(camera: &Camera) -> Vec<Quantity> {
+    let needs = camera.blocks().iter().filter_map(|block| block.piece()).flat_map(|piece| piece.needs());
+    let mut quantities: Vec<Quantity> = needs
+        .filter_map(|covariate| match covariate {
+            Covariate::Quantity(quantity) => Some(*quantity),
+            _ => None,
+        })
+        .collect();
+    quantities.sort_unstable();
+    quantities.dedup();
+    quantities
+}
+
+/// Usual values of these quantities.
+pub(crate) fn some_quantities(camera: &Camera) -> Quantities {
+    Quantities::new(quantities(camera).into_iter().map(|quantity| {
+        let [low, high] = quantity.typical_range();
+        (quantity, low + 0.37 * (high - low))
+    }))
+}
+
 /// The context that others are compared with.
-fn reference() -> Context {
+fn reference(camera: &Camera) -> Context {
     let stray = StrayLight { scene: [[1.1, -0.4], [-0.7, 0.9], [0.3, 1.2]], near: 1.07 };
     let (amplitude, surround, slope) = (1711.0, 1500.0, [0.01, -0.02]);
-    Context { amplitude, surround, slope, stray, temperature_c: 21.3, ..Context::default() }
+    let quantities = some_quantities(camera);
+    Context { amplitude, surround, slope, stray, temperature_c: 21.3, quantities, ..Context::default() }
 }
 
 /// Sampled pixels, on a regular grid over the image.
@@ -27,36 +52,46 @@ fn pixels(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
     (0..GRID * GRID).map(move |i| [coordinate(i % GRID, width).round(), coordinate(i / GRID, height).round()])
 }
 
-/// Two contexts that differ from [`reference`] in a single quantity, which `change` multiplies by a factor.
-fn changed(change: impl Fn(&mut Context, f64)) -> [Context; 2] {
+/// Two contexts that differ from a reference in a single quantity, which `change` multiplies by a factor.
+fn changed(reference: &Context, change: impl Fn(&mut Context, f64)) -> [Context; 2] {
     [0.37, 2.9].map(|factor| {
-        let mut context = reference();
+        let mut context = *reference;
         change(&mut context, factor);
         context
     })
 }
 
-fn times() -> [Context; 2] {
-    changed(|c, factor| c.time_s = 1000.0 * factor)
+fn times(reference: &Context) -> [Context; 2] {
+    changed(reference, |c, factor| c.time_s = 1000.0 * factor)
 }
 
-fn temperatures() -> [Context; 2] {
-    changed(|c, factor| c.temperature_c *= factor)
+fn temperatures(reference: &Context) -> [Context; 2] {
+    changed(reference, |c, factor| c.temperature_c *= factor)
 }
 
-fn amplitudes() -> [Context; 2] {
-    changed(|c, factor| c.amplitude *= factor)
+fn recorded(reference: &Context, which: impl Fn(Quantity) -> bool) -> [Context; 2] {
+    changed(reference, |c, factor| {
+        let all = c
+            .quantities
+            .iter()
+            .map(|(quantity, value)| (quantity, if which(quantity) { value * factor } else { value }));
+        c.quantities = Quantities::new(all.collect::<Vec<_>>());
+    })
 }
 
-fn surroundings() -> [Context; 2] {
-    changed(|c, factor| {
+fn amplitudes(reference: &Context) -> [Context; 2] {
+    changed(reference, |c, factor| c.amplitude *= factor)
+}
+
+fn surroundings(reference: &Context) -> [Context; 2] {
+    changed(reference, |c, factor| {
         c.surround *= factor;
         c.slope = c.slope.map(|slope| slope * factor);
     })
 }
 
-fn lights() -> [Context; 2] {
-    changed(|c, factor| {
+fn lights(reference: &Context) -> [Context; 2] {
+    changed(reference, |c, factor| {
         c.stray.scene.as_flattened_mut().iter_mut().for_each(|part| *part *= factor as f32);
         c.stray.near *= factor as f32;
     })
@@ -69,15 +104,17 @@ pub(crate) fn modulation(camera: &Camera) -> Option<Modulation> {
 
 /// Whether the true ray of a pixel is the same at every depth and in every frame.
 pub(crate) fn rays_are_fixed(camera: &Camera) -> bool {
+    let reference = reference(camera);
     pixels(camera).all(|pixel| {
         let ray = |context: &Context, rho: f64| {
             let ray = camera.ray(camera.image_pixel(&Context { pixel, ..*context }), rho);
             // Equal bits, so that a lens with a small dependence on depth is not taken for one without.
             ray.map(|r| r.map(f64::to_bits)).ok()
         };
-        let usual = ray(&reference(), TYPICAL_RHO);
-        let other_depths = DEPTHS_MM.iter().all(|z| ray(&reference(), 1.0 / z) == usual);
-        let others = [times(), temperatures(), amplitudes(), [Context::default(); 2]];
+        let usual = ray(&reference, TYPICAL_RHO);
+        let other_depths = DEPTHS_MM.iter().all(|z| ray(&reference, 1.0 / z) == usual);
+        let of_frame = [times(&reference), temperatures(&reference), recorded(&reference, |_| true)].concat();
+        let others = [of_frame, amplitudes(&reference).to_vec(), vec![Context::default()]];
         other_depths && others.iter().flatten().all(|context| ray(context, TYPICAL_RHO) == usual)
     })
 }
@@ -94,16 +131,20 @@ pub(crate) fn needs(camera: &Camera) -> Needs {
             })
             .collect()
     };
-    let usual = measured(&reference(), 1.0);
+    let reference = &reference(camera);
+    let usual = measured(reference, 1.0);
     let depends = |contexts: [Context; 2]| contexts.iter().any(|context| measured(context, 1.0) != usual);
-    let (stray_light, surroundings) = (depends(lights()), depends(surroundings()));
+    let (stray_light, surroundings) = (depends(lights(reference)), depends(surroundings(reference)));
+    let mut needed = quantities(camera).into_iter().filter(|quantity| depends(recorded(reference, |q| q == *quantity)));
+    let quantities: [Option<Quantity>; MOST_QUANTITIES] = std::array::from_fn(|_| needed.next());
     Needs {
-        time: depends(times()),
-        temperature: depends(temperatures()),
-        amplitude: stray_light || surroundings || depends(amplitudes()),
+        time: depends(times(reference)),
+        temperature: depends(temperatures(reference)),
+        quantities,
+        amplitude: stray_light || surroundings || depends(amplitudes(reference)),
         surroundings,
         stray_light,
-        incidence: [0.4, 0.8].iter().any(|cosine| measured(&reference(), *cosine) != usual),
+        incidence: [0.4, 0.8].iter().any(|cosine| measured(reference, *cosine) != usual),
     }
 }
 
@@ -123,7 +164,7 @@ pub(crate) enum Shape {
 pub(crate) struct PieceClass {
     /// Whether it depends on the pixel or its ray.
     pub pixel: bool,
-    /// Whether it depends on the time or the temperature of the frame.
+    /// Whether it depends on the time, the temperature or another quantity of the frame.
     pub frame: bool,
     /// Whether it depends on the infrared amplitude of the pixel.
     pub amplitude: bool,
@@ -187,6 +228,7 @@ pub(crate) fn samples(camera: &Camera, rays: &[[f64; 2]]) -> Vec<usize> {
 /// Classifies a depth piece. `measured` gives the measured inverse depths (1/mm) of observations, many at a time, because pieces
 /// in other languages take long for each call; `rays` has the ray of every pixel.
 pub(crate) fn piece(camera: &Camera, rays: &[[f64; 2]], measured: impl Fn(&[Observation]) -> Vec<f64>) -> PieceClass {
+    let reference = &reference(camera);
     let places: Vec<([f64; 2], [f64; 2])> =
         samples(camera, rays).into_iter().map(|i| (pixel(i, camera.width), rays[i])).collect();
     // One row of values per place: those at the given inverse depths.
@@ -205,15 +247,15 @@ pub(crate) fn piece(camera: &Camera, rays: &[[f64; 2]], measured: impl Fn(&[Obse
         values(places, context, cosine, &rhos).into_iter().map(f64::to_bits).collect()
     };
     let few: Vec<_> = places.iter().step_by(1 + places.len() / (GRID * GRID)).copied().collect();
-    let usual = bits(&few, &reference(), 1.0);
+    let usual = bits(&few, reference, 1.0);
     let differs = |context: &Context, cosine: f64| bits(&few, context, cosine) != usual;
     let depends = |contexts: [Context; 2]| contexts.iter().any(|context| differs(context, 1.0));
-    let pixel =
-        bits(&places, &reference(), 1.0).chunks(rhos.len()).any(|values| Some(values) != usual.get(..rhos.len()));
+    let pixel = bits(&places, reference, 1.0).chunks(rhos.len()).any(|values| Some(values) != usual.get(..rhos.len()));
 
     let cases = || {
-        let contexts =
-            [&[reference()][..], &times(), &temperatures(), &amplitudes(), &surroundings(), &lights()].concat();
+        let of_frame = [times(reference), temperatures(reference), recorded(reference, |_| true)];
+        let of_pixel = [amplitudes(reference), surroundings(reference), lights(reference)];
+        let contexts = [&[*reference][..], of_frame.as_flattened(), of_pixel.as_flattened()].concat();
         contexts.into_iter().flat_map(|context| [(context, 1.0), (context, 0.5)])
     };
     let fits = |shape: Shape| {
@@ -232,11 +274,11 @@ pub(crate) fn piece(camera: &Camera, rays: &[[f64; 2]], measured: impl Fn(&[Obse
     let shape = [Shape::AffineInInverse, Shape::AffineInDepth].into_iter().find(|shape| fits(*shape));
     PieceClass {
         pixel,
-        frame: depends(times()) || depends(temperatures()),
-        amplitude: depends(amplitudes()),
-        surroundings: depends(surroundings()),
-        light: depends(lights()),
-        incidence: [0.4, 0.8].iter().any(|cosine| differs(&reference(), *cosine)),
+        frame: depends(times(reference)) || depends(temperatures(reference)) || depends(recorded(reference, |_| true)),
+        amplitude: depends(amplitudes(reference)),
+        surroundings: depends(surroundings(reference)),
+        light: depends(lights(reference)),
+        incidence: [0.4, 0.8].iter().any(|cosine| differs(reference, *cosine)),
         shape: shape.unwrap_or(Shape::Other),
     }
 }

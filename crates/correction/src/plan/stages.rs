@@ -34,7 +34,8 @@ pub(crate) enum Stage {
     PiecewiseFactor(PiecewiseFactor),
     /// Any other function of pixel and depth, the same in every frame.
     Separable(Separable),
-    /// A Möbius map, the same at all pixels of a frame, that depends on the frame's time or temperature.
+    /// A Möbius map, the same at all pixels of a frame, that depends on the frame's time, temperature or another of
+    /// its quantities.
     Frame(DepthPiece),
     /// An affine function of depth that depends on the pixel's amplitude.
     Amplitude(ByAmplitude, DepthPiece),

@@ -172,7 +172,12 @@ fn effects_of_time_temperature_and_amplitude_are_taken_from_the_frame() {
     assert_eq!(corrector.needs(), Needs { time: true, temperature: true, amplitude: true, ..Needs::default() });
     let data = (0..WIDTH * HEIGHT).map(|i| 100 + (i % 3000) as u16).collect();
     let amplitude = GrayImage { width: WIDTH, height: HEIGHT, data, bits: 16 };
-    let known = FrameContext { time_s: 250.0, temperature_c: 41.0, amplitude: Some((&amplitude).into()) };
+    let known = FrameContext {
+        time_s: 250.0,
+        temperature_c: 41.0,
+        amplitude: Some((&amplitude).into()),
+        ..FrameContext::default()
+    };
     let unknown = FrameContext::default();
     let of_model = Context { time_s: 250.0, temperature_c: 41.0, ..Context::default() };
     let measured: Vec<f32> = depths(300.0, 4000.0).map(|z| z as f32).collect();

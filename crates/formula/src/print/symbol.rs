@@ -40,7 +40,7 @@ pub(super) struct Symbol {
 impl Symbol {
     /// The symbol of a name in a formula.
     pub fn of(name: &str) -> Self {
-        let (letters, index) = match FormulaCovariate::of(name) {
+        let (letters, index) = match FormulaCovariate::reserved(name) {
             Some(covariate) => covariate.symbol(),
             None => {
                 let end = name.find(|c: char| c == '_' || c.is_ascii_digit()).filter(|end| *end > 0);

@@ -1,7 +1,10 @@
-//! A unit as a product of powers of millimetre, second, pixel and degree Celsius, and of units that are not known yet.
+//! A unit as a product of powers of millimetre, second, pixel, degree Celsius and the units of columns of `frames.csv`, and of
+//! units that are not known yet.
 
 use std::collections::BTreeMap;
 use std::fmt;
+
+use depthcal_model::Quantity;
 
 use crate::syntax::{Factor, SyntaxError, parse_unit};
 
@@ -24,6 +27,8 @@ pub(crate) enum Base {
     Second,
     Pixel,
     Celsius,
+    /// A unit of columns of `frames.csv` that is none of the others, by its symbol. Units of one kind are not converted.
+    OfColumns(&'static str),
     /// The unit of a constant that has none declared, by its number.
     Unknown(usize),
 }
@@ -52,17 +57,21 @@ impl Unit {
     pub fn parse(text: &str) -> Result<Self, SyntaxError> {
         let mut unit = Self::one();
         for Factor { symbol, exponent, span } in parse_unit(text)? {
-            let Some((_, base)) = SYMBOLS.iter().find(|(name, _)| *name == symbol) else {
+            let known = SYMBOLS.iter().find(|(name, _)| *name == symbol).map(|(_, base)| *base);
+            let of_columns = || Quantity::units().find(|(_, unit)| *unit == symbol);
+            let Some(base) = known.or_else(|| of_columns().map(|(_, unit)| Some(Base::OfColumns(unit)))) else {
                 let problem = match symbol.as_str() {
                     "m" | "cm" | "um" | "µm" => format!("the unit '{symbol}' is not used here: lengths are in mm"),
-                    "ms" | "min" | "h" => format!("the unit '{symbol}' is not used here: times are in s"),
-                    "deg" => "the unit 'deg' is not used here: angles are in rad".to_owned(),
-                    _ => format!("there is no unit '{symbol}'; known are mm, s, px, °C and 1"),
+                    "min" | "h" => format!("the unit '{symbol}' is not used here: times are in s"),
+                    _ => format!(
+                        "there is no unit '{symbol}'; known are mm, s, px, °C, 1 and the units of columns of \
+                         frames.csv, such as ms and mW"
+                    ),
                 };
                 return Err(SyntaxError { problem, span });
             };
             if let Some(base) = base {
-                unit = unit.times(&Self::base(*base).power(f64::from(exponent)));
+                unit = unit.times(&Self::base(base).power(f64::from(exponent)));
             }
         }
         Ok(unit)
@@ -102,6 +111,7 @@ impl fmt::Display for Unit {
             Base::Second => "s".to_owned(),
             Base::Pixel => "px".to_owned(),
             Base::Celsius => "°C".to_owned(),
+            Base::OfColumns(symbol) => (*symbol).to_owned(),
             Base::Unknown(_) => "?".to_owned(),
         };
         let written = |power: f64| {

@@ -11,6 +11,7 @@ use tempfile::NamedTempFile;
 
 use super::attachment::attachment;
 use super::compressed::{self, is_zstd};
+use super::folder::Folder;
 use super::packet::{End, Packet, Source, StreamInfo, Visitor, damaged};
 use super::{bag, db3, mcap_file, mkv};
 use crate::error::ImportError;
@@ -56,6 +57,8 @@ impl Part {
 pub(crate) struct Recording {
     pub path: PathBuf,
     parts: Vec<Part>,
+    /// A folder of image files.
+    folder: Option<Folder>,
     /// Files that end within a record.
     cut: RefCell<BTreeSet<PathBuf>>,
 }
@@ -64,12 +67,21 @@ impl Recording {
     /// Opens a file, or a folder with the files of a ROS 2 bag, in the order of the numbers in their names. The table of contents
     /// beside them, `metadata.yaml`, is not needed: it is written last, and an interrupted recording has none.
     pub fn open(path: &Path) -> Result<Self, ImportError> {
-        let mut recording = Recording { path: path.to_owned(), parts: Vec::new(), cut: RefCell::default() };
+        let mut recording =
+            Recording { path: path.to_owned(), parts: Vec::new(), folder: None, cut: RefCell::default() };
         let unreadable = |error| ImportError::Read { path: path.to_owned(), error };
         if !path.is_dir() {
+            let first = File::open(path).and_then(head).map_err(unreadable)?;
+            if first.starts_with(b"PK\x03\x04") {
+                return Err(ImportError::Archive { path: path.to_owned() });
+            }
             let unknown = || ImportError::UnknownKind { path: path.to_owned() };
             let part = recording.part(path)?.ok_or_else(unknown)?;
             recording.parts.push(part);
+            return Ok(recording);
+        }
+        recording.folder = Folder::open(path)?;
+        if recording.folder.is_some() {
             return Ok(recording);
         }
         let entries = std::fs::read_dir(path).and_then(Iterator::collect::<io::Result<Vec<_>>>).map_err(unreadable)?;
@@ -106,6 +118,11 @@ impl Recording {
         Ok(kind.map(|kind| Part { path: path.to_owned(), kind, contents: Some(contents) }))
     }
 
+    /// The folder of image files that it is.
+    pub fn folder(&self) -> Option<&Folder> {
+        self.folder.as_ref()
+    }
+
     /// The file of this name that a Matroska file carries; `None` where there is none.
     pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>, ImportError> {
         let Some(part) = self.parts.iter().find(|part| part.kind == Kind::Mkv) else { return Ok(None) };
@@ -131,6 +148,9 @@ impl Recording {
                 visitor(Packet { data: Cow::Owned(data), ..packet })
             }
         };
+        if let Some(folder) = &self.folder {
+            return folder.visit(wanted, &mut unpacking).map(drop);
+        }
         for part in &self.parts {
             let source = part.source();
             let end = match part.kind {

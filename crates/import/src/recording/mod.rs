@@ -6,10 +6,12 @@ mod bounded;
 mod compressed;
 mod db3;
 mod file;
+mod folder;
 mod mcap_file;
 mod mkv;
 mod packet;
 
 pub(crate) use file::Recording;
+pub(crate) use folder::{DEPTH_FILES, IMAGE_FILES};
 pub use packet::StreamInfo;
 pub(crate) use packet::{Layout, Packet};

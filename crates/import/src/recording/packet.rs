@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use crate::error::ImportError;
+use crate::picture::Encoding;
 
 /// A stream of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,6 +25,10 @@ pub(crate) enum Layout {
     Ros1,
     /// A frame of a Matroska track of this width and height.
     Track([usize; 2]),
+    /// A whole image file.
+    File,
+    /// Pixels of an image of this width and height, without gaps.
+    Pixels([usize; 2], Encoding),
     /// Any that is not read, such as JSON.
     Unread,
 }

@@ -10,7 +10,7 @@ use super::board::BOARD_KEYS;
 use super::boards::Boards;
 use super::camera_hint::{CAMERA_KEYS, CameraHint, camera_from};
 use super::error::DatasetError;
-use super::extrinsics::extrinsics_from;
+use super::extrinsics::{EXPECTED, EXTRINSICS, extrinsics_from};
 use super::inside::within;
 use super::section::{Field, Keys, Section, Source};
 use super::text::read_text;
@@ -65,6 +65,8 @@ pub struct CameraSection {
     /// Known extrinsics, which no fit changes: the three rows of (R | t) that map the reference's coordinates to this camera's,
     /// mm.
     pub camera_from_rig: Option<[f64; 12]>,
+    /// Expected extrinsics in the same form, such as those of the factory: a fit is held against them.
+    pub expected_from_rig: Option<[f64; 12]>,
 }
 
 impl Default for CameraSection {
@@ -77,6 +79,7 @@ impl Default for CameraSection {
             disparity: None,
             camera: None,
             camera_from_rig: None,
+            expected_from_rig: None,
         }
     }
 }
@@ -111,6 +114,7 @@ const MEMBER_KEYS: &[&str] = &[
     "fixed",
     "technology",
     "camera_from_rig",
+    "expected_from_rig",
 ];
 
 const FRAMES: Field = Field {
@@ -279,6 +283,7 @@ impl Cameras<'_> {
                     disparity,
                     camera: camera.as_ref().map(camera_from).transpose()?,
                     camera_from_rig: None,
+                    expected_from_rig: None,
                 }])
             }
             Self::Long(members) => {
@@ -291,7 +296,8 @@ impl Cameras<'_> {
                         unit_mm: unit_if_any(section)?,
                         disparity: disparity_from(section)?,
                         camera: declares.then(|| camera_from(section)).transpose()?,
-                        camera_from_rig: extrinsics_from(section, number == 0)?,
+                        camera_from_rig: extrinsics_from(section, EXTRINSICS, number == 0)?,
+                        expected_from_rig: extrinsics_from(section, EXPECTED, number == 0)?,
                     })
                 };
                 members.iter().enumerate().map(camera).collect()

@@ -122,6 +122,7 @@ pub enum DatasetError {
         "{path}: `{field}` = \"{pattern}\" matches no file: {}",
         match .in_other_case {
             Some(file) => format!("{file} would match but for upper and lower case, which count: write the glob as the files are written"),
+            None if .pattern.contains('\\') => format!("write / between folders, \"{}\"", .pattern.replace('\\', "/")),
             None => "give a glob relative to the folder of dataset.toml, such as \"image/*.png\"".to_owned(),
         }
     )]

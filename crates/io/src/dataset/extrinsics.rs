@@ -9,16 +9,28 @@ use super::section::{Field, Section};
 const ROUNDING: f64 = 1e-3;
 /// Largest entry: a translation of 100 m.
 const LARGEST_MM: f64 = 1e5;
-const EXTRINSICS: Field = Field {
+/// Known extrinsics.
+pub(super) const EXTRINSICS: Field = Field {
     key: "camera_from_rig",
     remedy: "give 12 or 16 numbers, the matrix [R t] or [R t; 0 0 0 1] by rows, which maps coordinates of the first camera to those of \
              this one in mm, or leave it out to have it estimated",
 };
 
-/// The rows of (R | t) that a section declares; the reference has none.
-pub(super) fn extrinsics_from(camera: &Section<'_>, is_reference: bool) -> Result<Option<[f64; 12]>, DatasetError> {
-    let Some(numbers) = camera.numbers(EXTRINSICS, LARGEST_MM)? else { return Ok(None) };
-    let fault = |problem: &str| Err(camera.fault(camera.required(EXTRINSICS)?, EXTRINSICS, problem));
+/// Extrinsics that are expected.
+pub(super) const EXPECTED: Field = Field {
+    key: "expected_from_rig",
+    remedy: "give 12 or 16 numbers, the matrix [R t] or [R t; 0 0 0 1] by rows, which maps coordinates of the first camera to those of \
+             this one in mm, or leave it out",
+};
+
+/// The rows of (R | t) that a section declares under a key; the reference has none.
+pub(super) fn extrinsics_from(
+    camera: &Section<'_>,
+    field: Field,
+    is_reference: bool,
+) -> Result<Option<[f64; 12]>, DatasetError> {
+    let Some(numbers) = camera.numbers(field, LARGEST_MM)? else { return Ok(None) };
+    let fault = |problem: &str| Err(camera.fault(camera.required(field)?, field, problem));
     if is_reference {
         return fault("stands in the section of the first camera, whose coordinates are those of the rig");
     }

@@ -48,6 +48,8 @@ pub struct DatasetCamera {
     pub camera: Option<CameraHint>,
     /// Known extrinsics, see [`CameraSection::camera_from_rig`].
     pub camera_from_rig: Option<[f64; 12]>,
+    /// Expected extrinsics, see [`CameraSection::expected_from_rig`].
+    pub expected_from_rig: Option<[f64; 12]>,
     /// How images and depth were paired.
     pub pairing: Pairing,
     /// Files and rows that belong to no frame, in natural order.
@@ -117,6 +119,7 @@ impl DatasetCamera {
             disparity: declared.disparity,
             camera: declared.camera,
             camera_from_rig: declared.camera_from_rig,
+            expected_from_rig: declared.expected_from_rig,
             pairing,
             strays,
             lists,

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use depthcal_model::{MOST_QUANTITIES, Quantities, Quantity};
 use serde::{Deserialize, Serialize};
 
 use super::error::DatasetError;
@@ -27,6 +28,12 @@ impl FrameMetadata {
     /// The value of a further column when it is a finite number.
     pub fn number(&self, column: &str) -> Option<f64> {
         self.other.get(column)?.parse().ok().filter(|number: &f64| number.is_finite())
+    }
+
+    /// The values of the further columns whose names end in a unit, such as `exposure_ms`.
+    pub fn quantities(&self) -> Quantities {
+        let columns = self.other.keys().filter_map(|column| Some((Quantity::named(column)?, self.number(column)?)));
+        Quantities::new(columns)
     }
 }
 
@@ -109,8 +116,53 @@ fn parse(path: &Path, reader: impl io::Read, files: &[String]) -> Result<FrameTa
         };
         return Err(DatasetError::Table { path: path.to_owned(), line, problem });
     }
+    check_quantities(path, &rows)?;
     let files = head.iter().filter(|column| files.iter().any(|name| name == column)).map(str::to_owned).collect();
     Ok(FrameTable { rows, files })
+}
+
+/// Least range of a quantity, as a share of its values.
+const FINEST: f64 = 1e-5;
+
+/// Columns whose names end in a unit have numbers, if any cell of them is one, and there are no more than frames can carry.
+fn check_quantities(path: &Path, rows: &[Row]) -> Result<(), DatasetError> {
+    let names: BTreeSet<&String> = rows.iter().flat_map(|row| row.metadata.other.keys()).collect();
+    // A decimal comma is meant as a number, too.
+    let is_meant = |cell: &String| finite(&cell.replace(',', ".")).is_some();
+    let has_numbers = |name: &&String| rows.iter().any(|row| row.metadata.other.get(*name).is_some_and(is_meant));
+    let quantities: Vec<&str> = names
+        .into_iter()
+        .filter(|name| Quantity::named(name).is_some())
+        .filter(has_numbers)
+        .map(String::as_str)
+        .collect();
+    for (name, row) in quantities.iter().flat_map(|name| rows.iter().map(move |row| (*name, row))) {
+        if let Some(cell) = row.metadata.other.get(name).filter(|cell| finite(cell).is_none()) {
+            return Err(cell_error(path, row.line, name, cell));
+        }
+    }
+    for name in &quantities {
+        let values = || rows.iter().filter_map(|row| row.metadata.number(name));
+        let [low, high] = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
+        // Values are carried in single precision.
+        if high > low && high - low < FINEST * low.abs().max(high.abs()) {
+            let problem = format!(
+                "the values of `{name}` differ by less than a hundred thousandth of themselves: subtract a number from all of them, or \
+                 leave the unit away from the name"
+            );
+            return Err(DatasetError::Table { path: path.to_owned(), line: 1, problem });
+        }
+    }
+    if quantities.len() > MOST_QUANTITIES {
+        let problem = format!(
+            "there are {} columns whose names end in a unit ({}), which are quantities that the depth may depend on: leave \
+             the unit away from the names of all but {MOST_QUANTITIES}",
+            quantities.len(),
+            quantities.join(", ")
+        );
+        return Err(DatasetError::Table { path: path.to_owned(), line: 1, problem });
+    }
+    Ok(())
 }
 
 fn finite(cell: &str) -> Option<f64> {
@@ -162,6 +214,24 @@ mod tests {
         assert_eq!((first.number("gain"), first.number("note")), (Some(2.5), None));
         assert_eq!(first.other["note"], "a, b");
         assert_eq!(rows[1].metadata, FrameMetadata::default());
+    }
+
+    #[test]
+    fn columns_whose_names_end_in_a_unit_are_quantities() {
+        let rows = table("frame,exposure_ms,gain,side_a,note_1\n1,8.5,2,left,\n2,,3,right,\n").unwrap();
+        let exposure = Quantity::named("exposure_ms").unwrap();
+        assert_eq!(rows[0].metadata.quantities().iter().collect::<Vec<_>>(), [(exposure, 8.5)]);
+        assert_eq!(rows[1].metadata.quantities(), Quantities::NONE);
+        let message = complaint("frame,exposure_ms\n1,\"8,5\"\n2,\"9,5\"\n");
+        assert!(message.contains("line 2") || message.contains(":2"), "{message}");
+        assert!(message.contains("exposure_ms") && message.contains("8,5"), "{message}");
+        let message = complaint("frame,exposure_ms\n1,8.5\n2,auto\n");
+        assert!(message.contains(":3") && message.contains("exposure_ms") && message.contains("auto"), "{message}");
+        let message = complaint("frame,clock_s\n1,1700000000.0\n2,1700000009.5\n");
+        assert!(message.contains("`clock_s`") && message.contains("subtract"), "{message}");
+        let many: Vec<String> = (1..=9).map(|i| format!("q{i}_v")).collect();
+        let message = complaint(&format!("frame,{}\n1{}\n", many.join(","), ",1".repeat(9)));
+        assert!(message.contains("9 columns") && message.contains("all but 6"), "{message}");
     }
 
     #[test]

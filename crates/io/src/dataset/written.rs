@@ -67,6 +67,8 @@ struct Camera<'a> {
     camera: Option<&'a CameraHint>,
     #[serde(skip_serializing_if = "Option::is_none")]
     camera_from_rig: Option<[f64; 12]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    expected_from_rig: Option<[f64; 12]>,
 }
 
 #[derive(Serialize)]
@@ -150,6 +152,7 @@ fn camera(section: &CameraSection) -> Camera<'_> {
         disparity: section.disparity,
         camera: section.camera.as_ref(),
         camera_from_rig: section.camera_from_rig,
+        expected_from_rig: section.expected_from_rig,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Depth from disparities, as structured-light cameras have them before they make depth of them.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::depth_frame::{DepthFrame, DepthValues};
 
@@ -10,7 +10,7 @@ const NO_DISPARITY: f64 = 2047.0;
 /// The affine function that makes inverse depth of a disparity d: 1/z = a + b d.
 ///
 /// Its values need not be exact: an error of a is the depth model's dz, one of b its dw.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Disparity(
     /// a and b, 1/mm.
     pub [f64; 2],

@@ -9,6 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::calibration::{Calibration, CovarianceRecord, FitRecord, FrameRecord};
 use super::camera::{CameraRecord, NoiseRecord, PieceRecord};
 use super::reference::FileReference;
+use crate::image::Disparity;
 
 /// A calibrated depth camera: its pieces in chain order, their covariance, the noise model, and the fit.
 ///
@@ -34,6 +35,9 @@ struct CalibrationFile {
     /// Millimetres per step of the dataset's depth images, where it had any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     depth_unit_mm: Option<f64>,
+    /// a and b of 1/z = a + b d, 1/mm, where the dataset's files hold disparities d in place of depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    disparity: Option<Disparity>,
     /// The board.
     target: Target,
     /// The observations that were fitted, where they were kept.
@@ -65,6 +69,7 @@ impl From<CalibrationFile> for Calibration {
             frames,
             dataset,
             depth_unit_mm,
+            disparity,
             target,
             observations,
             cameras,
@@ -73,6 +78,7 @@ impl From<CalibrationFile> for Calibration {
         let camera = cameras.next().unwrap_or_else(|| CameraRecord {
             noise,
             depth_unit_mm,
+            disparity,
             frames_used: fit.frames_used,
             reprojection_rms_px: Some(fit.reprojection_rms_px),
             depth_rms_mm: fit.depth_rms_mm,
@@ -86,9 +92,21 @@ impl From<&Calibration> for CalibrationFile {
     fn from(calibration: &Calibration) -> Self {
         let cameras = if calibration.is_short() { Vec::new() } else { calibration.cameras().cloned().collect() };
         let Calibration { camera, covariance, fit, frames, dataset, target, observations, .. } = calibration.clone();
-        let CameraRecord { width, height, pieces, noise, depth_unit_mm, .. } = camera;
+        let CameraRecord { width, height, pieces, noise, depth_unit_mm, disparity, .. } = camera;
         let camera = Chain { width, height, pieces };
-        Self { camera, covariance, noise, fit, frames, dataset, depth_unit_mm, target, observations, cameras }
+        Self {
+            camera,
+            covariance,
+            noise,
+            fit,
+            frames,
+            dataset,
+            depth_unit_mm,
+            disparity,
+            target,
+            observations,
+            cameras,
+        }
     }
 }
 

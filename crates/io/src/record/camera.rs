@@ -10,7 +10,7 @@ use super::extrinsics::{ExtrinsicsRecord, TimeOffsetRecord};
 use super::options::{self, OptionValue};
 use crate::dataset::CAMERA;
 use crate::file::Fault;
-use crate::image::MAX_PIXELS;
+use crate::image::{Disparity, MAX_PIXELS};
 
 /// A camera: its chain of pieces, its extrinsics, and how it was fitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -33,6 +33,9 @@ pub struct CameraRecord {
     /// Millimetres per step of its depth images, where it has any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_unit_mm: Option<f64>,
+    /// a and b of 1/z = a + b d, 1/mm, where its files hold disparities d in place of depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disparity: Option<Disparity>,
     /// Number of its frames in the fit.
     pub frames_used: usize,
     /// Root mean square, over all its markers, of the length of the reprojection error, px; absent without images.
@@ -134,6 +137,7 @@ impl CameraRecord {
             pieces,
             noise: NoiseRecord::default(),
             depth_unit_mm: None,
+            disparity: None,
             frames_used: 0,
             reprojection_rms_px: None,
             depth_rms_mm: None,

@@ -1,5 +1,6 @@
 //! The quantities on which a residual may depend.
 
+use depthcal_model::Quantity;
 use serde::{Deserialize, Serialize};
 
 /// The covariate of a free function: the quantity on which a diagnosis lets the residuals depend.
@@ -30,4 +31,6 @@ pub enum DiagnosisCovariate {
     Temperature,
     /// Position on the board.
     Board,
+    /// A further quantity of the frame: the name of its column in `frames.csv`.
+    Quantity(#[schemars(with = "String")] Quantity),
 }

@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 
+use super::quantity::Quantities;
 use crate::frame_covariates::StrayLight;
 
 /// An observation's covariates that are not part of the chain's state. They are constant under differentiation.
@@ -23,6 +24,9 @@ pub struct Context {
     pub time_s: f64,
     /// Temperature of the frame, °C; NaN where unknown.
     pub temperature_c: f64,
+    /// Further quantities of the frame.
+    #[serde(default)]
+    pub quantities: Quantities,
 }
 
 fn unknown() -> f64 {
@@ -43,6 +47,7 @@ impl Default for Context {
             stray: StrayLight::UNKNOWN,
             time_s: 0.0,
             temperature_c: f64::NAN,
+            quantities: Quantities::NONE,
         }
     }
 }

@@ -1,4 +1,5 @@
 use super::context::Context;
+use super::quantity::Quantity;
 
 /// A quantity of an observation that an effect may depend on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -19,10 +20,12 @@ pub enum Covariate {
     Surroundings,
     /// Light of the whole scene at the pixel, as a share of the pixel's own ([`Context::stray`]).
     StrayLight,
+    /// A quantity of the frame that the user records.
+    Quantity(Quantity),
 }
 
 impl Covariate {
-    /// All covariates.
+    /// All covariates but the quantities that users name.
     pub const ALL: [Self; 8] = [
         Self::Depth,
         Self::InverseDepth,
@@ -45,6 +48,7 @@ impl Covariate {
             Self::Amplitude => "infrared amplitude",
             Self::Surroundings => "infrared amplitude around the pixel",
             Self::StrayLight => "infrared amplitude and depth of the whole frame",
+            Self::Quantity(quantity) => quantity.name(),
         }
     }
 
@@ -61,12 +65,13 @@ impl Covariate {
             Self::Amplitude => signal(context.amplitude),
             Self::Surroundings => signal(context.surround),
             Self::StrayLight => f64::from(context.stray.near),
+            Self::Quantity(quantity) => context.quantities.value(quantity),
         }
     }
 
     /// Whether it has to be recorded with the frames. The others follow from the board's pose.
     pub const fn is_recorded(self) -> bool {
-        matches!(self, Self::Temperature | Self::Time | Self::Amplitude | Self::Surroundings | Self::StrayLight)
+        !matches!(self, Self::Depth | Self::InverseDepth | Self::Incidence)
     }
 
     /// The reason why captures cannot show an effect of it, as a clause.
@@ -79,6 +84,7 @@ impl Covariate {
             Self::Amplitude => "the infrared amplitude is not known",
             Self::Surroundings => "the infrared amplitude around the pixels is not known",
             Self::StrayLight => "the infrared amplitude or the depth of whole frames is not known",
+            Self::Quantity(_) => "the frames have no values of it that differ",
         }
     }
 
@@ -93,6 +99,7 @@ impl Covariate {
                 "save the infrared image of every depth image, on the same pixel grid"
             }
             Self::StrayLight => "save whole depth images, and the infrared image of each on the same pixel grid",
+            Self::Quantity(_) => "record its column in frames.csv, over different values",
         }
     }
 }

@@ -14,6 +14,7 @@ mod formula;
 mod parameter;
 mod placed;
 mod placement;
+mod quantity;
 mod role;
 mod smooth;
 
@@ -33,5 +34,6 @@ pub use formula::{
 pub use parameter::Parameter;
 pub(crate) use placed::placed;
 pub use placement::{Of, On, Placement, REFERENCE_DEPTH_MM};
+pub use quantity::{MOST_QUANTITIES, Quantities, Quantity};
 pub use role::Role;
 pub use smooth::SmoothParameters;

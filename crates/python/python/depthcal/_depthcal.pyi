@@ -63,7 +63,12 @@ class Corrector:
 
     @property
     def needs(self) -> list[str]:
-        """Arguments that its effects need: some of ``time_s``, ``temperature_c``, ``amplitude``. Without them these effects stay."""
+        """Arguments that its effects need: some of ``time_s``, ``temperature_c``, ``amplitude``, and quantities of
+        :meth:`with_quantities`. Without them these effects stay."""
+
+    def with_quantities(self, quantities: dict[str, PerFrame]) -> Corrector:
+        """This corrector for frames with these values of further quantities: keys are columns of frames.csv such as
+        ``exposure_ms``, values one number, or one per frame of a call. Tables are shared. Raises :class:`InputError`."""
 
     @overload
     def correct(

@@ -30,6 +30,7 @@ pub(crate) fn covariate(covariate: DiagnosisCovariate) -> &'static str {
         DiagnosisCovariate::Time => "the time",
         DiagnosisCovariate::Temperature => "the temperature",
         DiagnosisCovariate::Board => "the position on the board",
+        DiagnosisCovariate::Quantity(quantity) => quantity.name(),
     }
 }
 
@@ -302,6 +303,7 @@ fn recorded(covariate: DiagnosisCovariate) -> Option<Covariate> {
         DiagnosisCovariate::StrayLight => Some(Covariate::StrayLight),
         DiagnosisCovariate::Time => Some(Covariate::Time),
         DiagnosisCovariate::Temperature => Some(Covariate::Temperature),
+        DiagnosisCovariate::Quantity(quantity) => Some(Covariate::Quantity(quantity)),
         _ => None,
     }
 }

@@ -6,4 +6,5 @@ mod known_extrinsics;
 mod start;
 
 pub(super) use depth_camera_prior::left_open;
+pub(super) use known_extrinsics::compare_with_expected;
 pub(super) use start::{Started, start};

@@ -26,7 +26,7 @@ impl Fitted {
     pub fn gain_over(&self, before: &Self, added: &[AddedEffect], thresholds: &Thresholds) -> Gain {
         let is_of_time = |effect: &AddedEffect| {
             let needs = effect.evidence.block.piece().map(|piece| piece.needs()).unwrap_or_default();
-            needs.iter().any(|c| matches!(c, Covariate::Time | Covariate::Temperature))
+            needs.iter().any(|c| matches!(c, Covariate::Time | Covariate::Temperature | Covariate::Quantity(_)))
         };
         let of_time = added.iter().any(is_of_time);
         gain(&before.held_out, &self.held_out, &self.fit.noise.depth, of_time, thresholds)

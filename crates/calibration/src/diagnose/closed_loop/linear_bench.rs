@@ -285,6 +285,7 @@ fn no_frames<F>() -> CameraFrames<F> {
         width: 640,
         height: 480,
         depth_unit_mm: None,
+        disparity: None,
         technology: None,
         frames: Vec::new(),
         dropped: Vec::new(),

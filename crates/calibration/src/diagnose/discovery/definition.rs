@@ -10,22 +10,16 @@ use depthcal_model::{
 
 use super::library::{Function, Kind, three_digits};
 use super::term::{Product, Term};
+use super::units::Exponents;
 
 /// Names of parameters in the order of the columns.
 const PARAMETERS: [&str; 3] = ["a", "b", "c"];
 
-/// Exponents of mm, s, px and °C.
-pub(super) type Exponents = [i32; 4];
-
 /// The unit of a covariate.
 pub(super) fn unit_of(covariate: C) -> Exponents {
     match covariate {
-        C::Z | C::Range | C::BoardX | C::BoardY => [1, 0, 0, 0],
-        C::Rho => [-1, 0, 0, 0],
-        C::Time => [0, 1, 0, 0],
-        C::U | C::V => [0, 0, 1, 0],
-        C::Temperature => [0, 0, 0, 1],
-        C::X | C::Y | C::R | C::Incidence | C::Amplitude | C::Surroundings => [0; 4],
+        C::Rho => Exponents::of("mm", -1),
+        other => Exponents::of(other.unit(), 1),
     }
 }
 
@@ -36,23 +30,7 @@ fn unit_of_value(function: &Function) -> Exponents {
         Kind::HingeUp | Kind::HingeDown | Kind::Distance => 1,
         _ => 0,
     };
-    unit_of(function.covariate).map(|exponent| exponent * power)
-}
-
-/// A unit as files have it.
-pub(super) fn unit_text(exponents: Exponents) -> String {
-    let part = |sign: i32| -> Vec<String> {
-        let named = ["mm", "s", "px", "°C"].into_iter().zip(exponents);
-        let of_sign = named.filter(|(_, exponent)| exponent * sign > 0);
-        of_sign.map(|(name, e)| if e.abs() == 1 { name.to_owned() } else { format!("{name}^{}", e.abs()) }).collect()
-    };
-    let (above, below) = (part(1), part(-1));
-    let above = if above.is_empty() { "1".to_owned() } else { above.join(" ") };
-    match below.as_slice() {
-        [] => above,
-        [one] => format!("{above}/{one}"),
-        several => format!("{above}/({})", several.join(" ")),
-    }
+    unit_of(function.covariate).power(power)
 }
 
 /// The constants of a formula under names that are free.
@@ -65,7 +43,7 @@ impl Constants {
     /// The name of a constant, which is `wanted` where that is free.
     fn name(&mut self, wanted: &str, function: &Function) -> String {
         let value: f64 = format!("{:.3e}", function.constant).parse().unwrap_or(function.constant);
-        let unit = Some(unit_text(unit_of(function.covariate)));
+        let unit = Some(unit_of(function.covariate).to_string());
         let constant = FormulaConstant::Table(ConstantTable { value, unit, search: None });
         let numbered = (2..).map(|n| format!("{wanted}{n}"));
         let names = std::iter::once(wanted.to_owned()).chain(numbered);
@@ -135,23 +113,20 @@ pub(super) fn effect_of(term: &Term, name: &str, sizes: &[f64]) -> Result<Formul
     let mut constants = Constants::default();
     let mut parameters = BTreeMap::new();
     let (adds_to, target) = match term.on {
-        On::Depth => (AddsTo::Depth, [1, 0, 0, 0]),
-        On::InverseDepth => (AddsTo::InverseDepth, [-1, 0, 0, 0]),
-        On::Factor => (AddsTo::Factor, [0; 4]),
+        On::Depth => (AddsTo::Depth, Exponents::of("mm", 1)),
+        On::InverseDepth => (AddsTo::InverseDepth, Exponents::of("mm", -1)),
+        On::Factor => (AddsTo::Factor, Exponents::default()),
     };
     let mut texts = Vec::new();
     let mut next = 0;
     for product in &term.products {
         let names = &PARAMETERS[next..next + product.columns()];
         next += product.columns();
-        let mut unit = target;
-        for function in product.factor.iter().chain([&product.function]) {
-            let exponents = unit_of_value(function);
-            unit.iter_mut().zip(exponents).for_each(|(unit, exponent)| *unit -= exponent);
-        }
+        let functions = product.factor.iter().chain([&product.function]);
+        let unit = functions.fold(target.clone(), |unit, function| unit.over(&unit_of_value(function)));
         for name in names {
             let size = sizes.get(parameters.len()).map(|size| three_digits(size.abs())).filter(|size| *size > 0.0);
-            let unit = unit_text(unit);
+            let unit = unit.to_string();
             let parameter = match size {
                 None => FormulaParameter::Unit(unit),
                 Some(_) => FormulaParameter::Table(ParameterTable {
@@ -188,7 +163,7 @@ pub(super) fn name_of(term: &Term) -> String {
         other => other.name(),
     };
     let names: Vec<&str> = term.covariates().into_iter().map(short).collect();
-    format!("found_{}", names.join("_"))
+    format!("found_{}", names.join("_").to_lowercase())
 }
 
 #[cfg(test)]

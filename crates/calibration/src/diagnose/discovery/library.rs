@@ -124,8 +124,11 @@ pub(super) enum Density {
 }
 
 /// Whether a covariate is positive, so that logarithms and inverse powers of it exist.
-fn is_positive(covariate: C) -> bool {
-    matches!(covariate, C::Z | C::Range | C::Amplitude | C::Surroundings)
+fn is_positive(covariate: C, span: Span) -> bool {
+    match covariate {
+        C::Quantity(_) => span.low > 0.0,
+        other => matches!(other, C::Z | C::Range | C::Amplitude | C::Surroundings),
+    }
 }
 
 /// The functions of a covariate over its range.
@@ -160,7 +163,7 @@ pub(super) fn functions(covariate: C, span: Span, density: Density) -> Vec<Funct
             add(Kind::Distance, k);
         }
     }
-    if is_positive(covariate) {
+    if is_positive(covariate, span) {
         let shares: &[f64] = if fine { &[0.0, 0.25, 0.5, 0.75, 1.0] } else { &[0.5] };
         shares.iter().for_each(|share| add(Kind::Log, span.low * (span.high / span.low).powf(*share)));
     }
@@ -187,12 +190,13 @@ pub(super) fn without_constants(covariate: C, span: Span) -> Vec<Function> {
         C::Incidence => &[Kind::Power(1), Kind::Power(2)],
         C::Amplitude | C::Surroundings => &[Kind::Power(-1), Kind::InverseRoot, Kind::Power(1)],
         C::Time => &[Kind::Power(1), Kind::Power(2)],
-        C::Temperature => &[Kind::Centred(1), Kind::Centred(2)],
+        C::Temperature | C::Quantity(_) => &[Kind::Centred(1), Kind::Centred(2)],
         _ => &[],
     };
     let constant = match covariate {
         // A round temperature reads better; D takes up a constant offset, so the data do not tell where the effect is zero.
         C::Temperature => span.middle.round(),
+        C::Quantity(_) => three_digits(span.middle),
         _ => span.middle,
     };
     kinds.iter().map(|kind| Function { covariate, kind: *kind, constant }).collect()

@@ -25,6 +25,7 @@ mod screening;
 mod selection;
 mod significance;
 mod term;
+mod units;
 mod which_covariates;
 
 #[cfg(all(test, feature = "simulate"))]

@@ -3,7 +3,7 @@
 
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::chain::POSE;
-use depthcal_model::{Camera, Context, Of, On};
+use depthcal_model::{Camera, Context, Of, On, Quantities};
 use depthcal_solver::additive::{ClusterRows, Normal};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -184,6 +184,12 @@ impl Observations {
     pub fn searched(&self) -> Self {
         let frames = self.frames.iter().filter(|frame| !frame.is_set_aside).cloned();
         Self { frames: frames.collect(), shared: self.shared }
+    }
+
+    /// Covariates, and the quantities that the samples have besides.
+    pub fn with_quantities(&self, covariates: &[C]) -> Vec<C> {
+        let quantities = Quantities::names_of(self.samples().map(|sample| &sample.context.quantities));
+        covariates.iter().copied().chain(quantities.into_iter().map(C::Quantity)).collect()
     }
 
     /// The range of a covariate; `None` where it is unknown in a tenth of the samples or hardly varies.

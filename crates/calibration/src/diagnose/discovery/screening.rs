@@ -34,10 +34,12 @@ struct Job<'a> {
 pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
     let Some(of_shared) = observations.shared_hessian().cholesky() else { return Vec::new() };
     let groups = Groups::of(observations);
+    let covariates = observations.with_quantities(&COVARIATES);
+    let all_factors = observations.with_quantities(&FACTORS);
     Of::ALL
         .into_iter()
         .flat_map(|of| {
-            let spans: Vec<_> = COVARIATES.iter().filter_map(|c| Some((*c, observations.span(*c, of)?))).collect();
+            let spans: Vec<_> = covariates.iter().filter_map(|c| Some((*c, observations.span(*c, of)?))).collect();
             let mut screened: Vec<Screened> = Vec::new();
             for (c, span) in &spans {
                 // Columns of one covariate at a time: those of all would be the largest table of a diagnosis.
@@ -51,9 +53,9 @@ pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
             let multiplied = Columns::of(observations, of, of_all);
             let mut jobs = Vec::new();
             for on in On::ALL {
-                for (c, span) in spans.iter().filter(|(c, _)| FACTORS.contains(c)) {
+                for (c, span) in spans.iter().filter(|(c, _)| all_factors.contains(c)) {
                     // Two factors in either order are one product.
-                    let place = |c: &C| FACTORS.iter().position(|f| f == c);
+                    let place = |c: &C| all_factors.iter().position(|f| f == c);
                     let takes_part = |f: &Function| {
                         let is_another = family(f.covariate) != family(*c);
                         let is_first = f.kind.is_searched() || place(&f.covariate).is_none_or(|p| Some(p) > place(c));

@@ -105,7 +105,8 @@ fn is_alike(observations: &Observations, set: &BTreeSet<C>, other: &BTreeSet<C>)
 
 impl Functions {
     fn of(observations: &Observations) -> Self {
-        let known: Vec<C> = COVARIATES.into_iter().filter(|c| observations.span(*c, Of::True).is_some()).collect();
+        let known = observations.with_quantities(&COVARIATES);
+        let known: Vec<C> = known.into_iter().filter(|c| observations.span(*c, Of::True).is_some()).collect();
         let mut sets: Vec<(Vec<C>, On)> = Vec::new();
         let mut add = |covariates: Vec<C>| {
             // Forms differ by powers of depth: a function of depth has them all.

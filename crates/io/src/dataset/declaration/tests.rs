@@ -186,6 +186,7 @@ fn what_is_written_reads_back() {
             unit_mm: Some(0.1),
             disparity: None,
             camera_from_rig: None,
+            expected_from_rig: None,
             camera: Some(CameraHint {
                 numbers: Some(IntrinsicNumbers {
                     fx: 476.9,
@@ -266,6 +267,9 @@ fn known_extrinsics_are_a_rigid_motion_of_another_camera_than_the_first() {
         assert_eq!(file.cameras[1].camera_from_rig, Some(rows));
         assert_eq!(parse(&file.to_toml().unwrap()).unwrap(), file);
     }
+    let expected = rig("", &known.replace("camera_from", "expected_from").replace("3.2", "3.2]")).unwrap();
+    assert_eq!((expected.cameras[1].camera_from_rig, expected.cameras[1].expected_from_rig), (None, Some(rows)));
+    assert_eq!(parse(&expected.to_toml().unwrap()).unwrap(), expected);
     let refused = |first: &str, second: &str| rig(first, second).unwrap_err().to_string();
     assert!(refused(&format!("{known}]"), "").contains("first camera"));
     let mirrored = known.replace("3.2", "3.2]").replace("1, 3.2", "-1, 3.2");

@@ -373,3 +373,9 @@ fn rows_belong_to_frames_of_any_camera() {
     let message = rig(&tabled, &files, Some("frame,temperature_c\n1,20\n")).unwrap_err().to_string();
     assert!(message.contains("frames without a row (\"2\", \"3\")"), "{message}");
 }
+
+#[test]
+fn backslashes_between_folders_are_named() {
+    let message = complaint(&make(&PAIRED.replace("ir/*.png", "ir\\\\*.png"), &["ir/1.png", "depth/1.png"]));
+    assert!(message.contains("write / between folders") && message.contains("ir/*.png"), "{message}");
+}

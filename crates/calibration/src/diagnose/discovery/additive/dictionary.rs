@@ -25,14 +25,14 @@ const COVARIATES: [(C, usize); 8] = [
 ];
 /// Covariates that functions are multiplied with.
 const FACTORS: [C; 5] = [C::X, C::Y, C::R, C::Time, C::Temperature];
+/// Basis functions of functions of quantities that users record.
+const OF_QUANTITIES: usize = 6;
 /// Pairs of covariates whose functions are no products of a function of one and the other, and the number of their basis
 /// functions along each.
 const PAIRS: [[C; 2]; 4] = [[C::X, C::Y], [C::R, C::Z], [C::X, C::Z], [C::Y, C::Z]];
 const OF_PAIRS: usize = 7;
 /// Most basis functions along each: formulas have a limit of parameters.
 const MOST_OF_PAIRS: usize = 9;
-/// Those that grow with the number of the frame.
-const SEQUENTIAL: [C; 2] = [C::Time, C::Temperature];
 /// A covariate in a place, cut into basis functions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Smooth {
@@ -62,6 +62,11 @@ pub(super) struct Dictionary {
     /// Factors with their means, which are subtracted.
     factors: Vec<(C, f64)>,
     pub functions: Vec<Function>,
+}
+
+/// Whether a covariate changes with the frames alone: consecutive ones may have values of their own.
+fn is_of_frames(covariate: C) -> bool {
+    matches!(covariate, C::Time | C::Temperature | C::Quantity(_))
 }
 
 /// Amplitudes spread over decades.
@@ -122,14 +127,16 @@ impl Dictionary {
         };
         let mut smooth: Vec<Smooth> =
             COVARIATES.iter().filter_map(|(c, count)| smooth_of(*c, Of::True, *count)).collect();
+        let quantities = observations.with_quantities(&[]);
+        smooth.extend(quantities.iter().filter_map(|c| smooth_of(*c, Of::True, OF_QUANTITIES)));
         smooth.extend(smooth_of(C::Z, Of::Measured, COVARIATES[3].1));
         let mean = |covariate: C| {
             let values = || observations.samples().map(|s| s.value(covariate, Of::True)).filter(|v| v.is_finite());
             values().sum::<f64>() / values().count().max(1) as f64
         };
         let varies = |c: &&C| observations.span(**c, Of::True).is_some();
-        let factors: Vec<(C, f64)> = FACTORS.iter().filter(varies).map(|c| (*c, mean(*c))).collect();
-        let covariates = COVARIATES.iter().map(|(covariate, _)| *covariate).collect();
+        let factors: Vec<(C, f64)> = FACTORS.iter().chain(&quantities).filter(varies).map(|c| (*c, mean(*c))).collect();
+        let covariates = COVARIATES.iter().map(|(covariate, _)| *covariate).chain(quantities).collect();
         let mut dictionary = Self { covariates, smooth, factors, functions: Vec::new() };
         dictionary.add_functions();
         dictionary.add_pairs(((OF_PAIRS - CUBIC) * finer + CUBIC).min(MOST_OF_PAIRS));
@@ -222,7 +229,7 @@ impl Dictionary {
         Additive {
             clusters: observations.frames.iter().map(cluster).collect(),
             groups: self.functions.iter().map(group).collect(),
-            sequential: SEQUENTIAL.into_iter().map(|covariate| self.number(covariate)).collect(),
+            sequential: self.covariates.iter().filter(|c| is_of_frames(**c)).map(|c| self.number(*c)).collect(),
         }
     }
 

@@ -10,7 +10,8 @@ use depthcal_model::{
 };
 use depthcal_solver::additive::Precision;
 
-use super::super::definition::{unit_of, unit_text};
+use super::super::definition::unit_of;
+use super::super::units::Exponents;
 use super::dictionary::{Function, Smooth};
 
 /// A function of the dictionary with what its formula needs.
@@ -30,9 +31,9 @@ pub(super) fn formula(covariates: &BTreeSet<C>, parts: &[Part<'_>], taken: &[Str
     // Groups of one function may have different forms: they are brought to the first one's by powers of depth.
     let (place, on) = (parts[0].function.of, parts[0].function.on);
     let (adds_to, target) = match on {
-        On::Depth => (AddsTo::Depth, [1, 0, 0, 0]),
-        On::InverseDepth => (AddsTo::InverseDepth, [-1, 0, 0, 0]),
-        On::Factor => (AddsTo::Factor, [0; 4]),
+        On::Depth => (AddsTo::Depth, Exponents::of("mm", 1)),
+        On::InverseDepth => (AddsTo::InverseDepth, Exponents::of("mm", -1)),
+        On::Factor => (AddsTo::Factor, Exponents::default()),
     };
     let mut definition = FormulaDefinition {
         name: free_name(covariates, taken),
@@ -48,23 +49,23 @@ pub(super) fn formula(covariates: &BTreeSet<C>, parts: &[Part<'_>], taken: &[Str
     };
     let mut texts = Vec::new();
     for (number, part) in parts.iter().enumerate() {
-        let mut unit = target;
+        let mut unit = target.clone();
         let mut factors = String::new();
         if let Some((covariate, mean)) = part.function.factor {
             let name = format!("m{}", number + 1);
             definition.constants.insert(name.clone(), constant(mean, covariate));
             factors += &format!("({} - {name}) * ", covariate.name());
-            unit.iter_mut().zip(unit_of(covariate)).for_each(|(unit, own)| *unit -= own);
+            unit = unit.over(&unit_of(covariate));
         }
         let (power, exponent) = power_between(part.function.on, on);
         factors += power;
-        unit[0] -= exponent;
+        let unit = unit.over(&Exponents::of("mm", exponent));
         let first = definition.parameters.len() + 1;
         // Digits keep the order of names that of numbers.
         let names: Vec<String> = (first..first + part.function.count()).map(|c| format!("c{c:02}")).collect();
         for name in &names {
             let table = ParameterTable {
-                unit: unit_text(unit),
+                unit: unit.to_string(),
                 nominal: 0.0,
                 scale: Some(rounded(TYPICAL / part.rms, 1)),
                 value: None,
@@ -117,7 +118,7 @@ fn rounded(value: f64, digits: usize) -> f64 {
 fn constant(value: f64, covariate: C) -> FormulaConstant {
     FormulaConstant::Table(ConstantTable {
         value: rounded(value, 6),
-        unit: Some(unit_text(unit_of(covariate))),
+        unit: Some(unit_of(covariate).to_string()),
         search: None,
     })
 }
@@ -147,7 +148,7 @@ fn free_name(covariates: &BTreeSet<C>, taken: &[String]) -> String {
         C::Temperature => "temperature",
         other => other.name(),
     };
-    let name = format!("found_{}", covariates.iter().map(short).collect::<Vec<_>>().join("_"));
+    let name = format!("found_{}", covariates.iter().map(short).collect::<Vec<_>>().join("_").to_lowercase());
     let numbered = (2..).map(|n| format!("{name}_{n}"));
     std::iter::once(name.clone()).chain(numbered).take(100).find(|name| !taken.contains(name)).unwrap_or(name)
 }
