@@ -8,10 +8,10 @@ use depthcal_calibration::observe::{
     CameraFrames, DepthPixel, DetectedFrame, MarkerObservation, MeasuredDepth, RawFrame,
 };
 use depthcal_io::{
-    CameraHint, DatasetCamera, DepthFrame, DepthValues, DroppedFrame, FileReference, Frame, FrameMetadata, GrayImage,
-    IntrinsicNumbers,
+    CameraHint, DatasetCamera, DepthFrame, DepthValues, Disparity, DroppedFrame, FileReference, Frame, FrameMetadata,
+    GrayImage, IntrinsicNumbers,
 };
-use depthcal_model::{CharucoLayout, Context, Target, Technology};
+use depthcal_model::{CharucoLayout, Context, Quantities, Target, Technology};
 use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -39,6 +39,7 @@ struct CameraState {
     declared_unit_mm: Option<f64>,
     hint: Option<HintState>,
     camera_from_rig: Option<[f64; 12]>,
+    expected_from_rig: Option<[f64; 12]>,
     listed: Vec<(String, FrameMetadata)>,
     reference: FileReference,
     from_cache: bool,
@@ -49,6 +50,7 @@ struct CameraState {
     capture: String,
     size: (usize, usize),
     unit_mm: Option<f64>,
+    disparity: Option<Disparity>,
     technology: Option<Technology>,
     dropped: Vec<DroppedFrame>,
     frames: Vec<FrameState>,
@@ -112,6 +114,7 @@ fn camera_state<'py>(py: Python<'py>, camera: &LoadedCamera, arrays: &mut Arrays
         declared_unit_mm: declared.depth_unit_mm,
         hint: declared.camera.as_ref().map(hint),
         camera_from_rig: declared.camera_from_rig,
+        expected_from_rig: declared.expected_from_rig,
         listed: declared.frames.iter().map(|frame| (frame.name.clone(), frame.metadata.clone())).collect(),
         reference: camera.reference.clone(),
         from_cache: camera.from_cache,
@@ -121,6 +124,7 @@ fn camera_state<'py>(py: Python<'py>, camera: &LoadedCamera, arrays: &mut Arrays
         capture: capture.name.clone(),
         size: (capture.width, capture.height),
         unit_mm: capture.depth_unit_mm,
+        disparity: capture.disparity,
         technology: capture.technology,
         dropped: capture.dropped.clone(),
         frames: capture.frames.iter().map(|frame| frame_state(py, frame, arrays)).collect::<PyResult<_>>()?,
@@ -165,7 +169,7 @@ fn numbers_of(pixel: &DepthPixel) -> Vec<f64> {
     numbers
 }
 
-fn pixel_of(numbers: &[f64]) -> DepthPixel {
+fn pixel_of(numbers: &[f64], quantities: Quantities) -> DepthPixel {
     let mut context = Context {
         pixel: [numbers[0], numbers[1]],
         amplitude: numbers[3],
@@ -173,6 +177,7 @@ fn pixel_of(numbers: &[f64]) -> DepthPixel {
         slope: [numbers[5], numbers[6]],
         time_s: numbers[7],
         temperature_c: numbers[8],
+        quantities,
         ..Context::default()
     };
     let light = context.stray.scene.as_flattened_mut().iter_mut().chain([&mut context.stray.near]);
@@ -223,6 +228,8 @@ fn camera_of<'a, 'py: 'a>(
         root: state.root,
         camera: state.hint.map(hint),
         camera_from_rig: state.camera_from_rig,
+        expected_from_rig: state.expected_from_rig,
+        disparity: state.disparity,
         frames: listed.map(|(name, metadata)| Frame { name, image: None, depth: None, metadata }).collect(),
         ..declared_in_memory("", &state.target, state.declared_unit_mm)
     };
@@ -234,6 +241,7 @@ fn camera_of<'a, 'py: 'a>(
         width: size.0,
         height: size.1,
         depth_unit_mm: state.unit_mm,
+        disparity: state.disparity,
         technology: state.technology,
         frames: frames.collect::<Result<_, _>>()?,
         dropped: state.dropped,
@@ -276,7 +284,9 @@ fn frame_of<'a, 'py: 'a>(
             MeasuredDepth::Image(frame.into())
         }
         (None, DepthState::Pixels) => {
-            MeasuredDepth::Pixels(next::<f64>(arrays)?.chunks_exact(per_pixel).map(pixel_of).collect())
+            let numbers = next::<f64>(arrays)?;
+            let pixel_of = |numbers: &[f64]| pixel_of(numbers, state.metadata.quantities());
+            MeasuredDepth::Pixels(numbers.chunks_exact(per_pixel).map(pixel_of).collect())
         }
         (None, _) => MeasuredDepth::None,
     };

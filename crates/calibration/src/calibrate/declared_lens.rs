@@ -7,6 +7,7 @@ use tracing::warn;
 use super::calibrated_camera::CalibratedCamera;
 use super::camera_options::CameraOptions;
 use super::error::CalibrateError;
+use super::lens_choice::{DETERMINED_PX, corner_deviation_px};
 use super::rules::Rules;
 use super::settle::settle;
 use crate::adjust::state::{CameraState, State};
@@ -28,24 +29,35 @@ pub(super) fn settle_with_declared_lens(
         Ok(settle(State::of_camera(CameraState { camera, ..start.clone() }), rules, options)?.only_camera(options))
     };
     let free = |camera: &Camera| camera.block(OPENCV_LENS).map(|block| block.free.clone());
-    let error = match settled(start.camera.clone()) {
-        Err(error) if error.is_untrusted_fit() && free(&start.camera).is_some() => error,
-        result => return result,
+    let whole = settled(start.camera.clone());
+    let is_lens_at_fault = match &whole {
+        Ok(fit) => !is_determined(fit),
+        Err(error) => error.is_untrusted_fit(),
     };
+    if !is_lens_at_fault || free(&start.camera).is_none() {
+        return whole;
+    }
     let mut tried = start.camera.clone();
     for fitted in FITTED {
         let camera = with_fitted(&start.camera, fitted);
         if free(&camera) == free(&tried) {
             continue;
         }
-        if let Ok(fit) = settled(camera.clone()) {
+        if let Ok(fit) = settled(camera.clone())
+            && is_determined(&fit)
+        {
             warn_of_held(&start.camera, &fit);
             return Ok(fit);
         }
         tried = camera;
     }
     // What is at fault besides the lens is said of the lens that was declared.
-    Err(error)
+    whole
+}
+
+/// Whether the frames determine the lens up to the border of the image.
+fn is_determined(fit: &CalibratedCamera<PosedFrame>) -> bool {
+    corner_deviation_px(fit) <= DETERMINED_PX
 }
 
 /// The camera with the terms of its lens from this number on held.

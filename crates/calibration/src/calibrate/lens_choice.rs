@@ -26,7 +26,7 @@ use crate::observe::PosedFrame;
 
 /// Standard deviation, px, of the place at which a ray meets the corners or edges of the image, up to which the markers
 /// determine the lens there.
-const DETERMINED_PX: f64 = 2.0;
+pub(super) const DETERMINED_PX: f64 = 2.0;
 /// Parts of the cross-validation.
 const MOST_FOLDS: usize = 10;
 /// Standard errors by which an order may be worse than the best and still be chosen for being simpler.
@@ -119,7 +119,7 @@ pub(super) fn one_to_one(camera: &Camera) -> bool {
 
 /// Largest standard deviation, over the border of the image, of the place at which a ray meets the image, px: from the joint
 /// covariance of lens and pinhole. Infinite where the lens has no inverse there.
-fn corner_deviation_px(fit: &CalibratedCamera<PosedFrame>) -> f64 {
+pub(super) fn corner_deviation_px(fit: &CalibratedCamera<PosedFrame>) -> f64 {
     let camera = fit.camera.filtered(|b| !is_depth_only(b));
     let rays: Result<Vec<[f64; 2]>, _> = border(&camera).map(|pixel| camera.ray(pixel, 1.0 / RAY_DEPTH_MM)).collect();
     let (Ok(rays), Some(covariance)) = (rays, &fit.covariance) else { return f64::INFINITY };

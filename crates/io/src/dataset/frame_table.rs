@@ -22,6 +22,9 @@ pub struct FrameMetadata {
     /// The text of further columns by name; empty cells are left out.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub other: BTreeMap<String, String>,
+    /// Further columns that are no quantities, although their names end in a unit.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub no_quantities: BTreeSet<String>,
 }
 
 impl FrameMetadata {
@@ -32,8 +35,8 @@ impl FrameMetadata {
 
     /// The values of the further columns whose names end in a unit, such as `exposure_ms`.
     pub fn quantities(&self) -> Quantities {
-        let columns = self.other.keys().filter_map(|column| Some((Quantity::named(column)?, self.number(column)?)));
-        Quantities::new(columns)
+        let columns = self.other.keys().filter(|column| !self.no_quantities.contains(*column));
+        Quantities::new(columns.filter_map(|column| Some((Quantity::named(column)?, self.number(column)?))))
     }
 }
 
@@ -116,7 +119,8 @@ fn parse(path: &Path, reader: impl io::Read, files: &[String]) -> Result<FrameTa
         };
         return Err(DatasetError::Table { path: path.to_owned(), line, problem });
     }
-    check_quantities(path, &rows)?;
+    let no_quantities = no_quantities(path, &rows)?;
+    rows.iter_mut().for_each(|row| row.metadata.no_quantities.clone_from(&no_quantities));
     let files = head.iter().filter(|column| files.iter().any(|name| name == column)).map(str::to_owned).collect();
     Ok(FrameTable { rows, files })
 }
@@ -124,8 +128,9 @@ fn parse(path: &Path, reader: impl io::Read, files: &[String]) -> Result<FrameTa
 /// Least range of a quantity, as a share of its values.
 const FINEST: f64 = 1e-5;
 
-/// Columns whose names end in a unit have numbers, if any cell of them is one, and there are no more than frames can carry.
-fn check_quantities(path: &Path, rows: &[Row]) -> Result<(), DatasetError> {
+/// The columns whose names end in a unit, but which observations cannot carry: clocks, and those beyond the number that there may
+/// be. The others have numbers, if any cell of them is one.
+fn no_quantities(path: &Path, rows: &[Row]) -> Result<BTreeSet<String>, DatasetError> {
     let names: BTreeSet<&String> = rows.iter().flat_map(|row| row.metadata.other.keys()).collect();
     // A decimal comma is meant as a number, too.
     let is_meant = |cell: &String| finite(&cell.replace(',', ".")).is_some();
@@ -141,28 +146,34 @@ fn check_quantities(path: &Path, rows: &[Row]) -> Result<(), DatasetError> {
             return Err(cell_error(path, row.line, name, cell));
         }
     }
-    for name in &quantities {
+    let file = path.display();
+    let mut left_out = BTreeSet::new();
+    let (mut carried, mut has_more): (Vec<&str>, _) = (Vec::new(), false);
+    let count = quantities.len();
+    for name in quantities {
         let values = || rows.iter().filter_map(|row| row.metadata.number(name));
         let [low, high] = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
-        // Values are carried in single precision.
         if high > low && high - low < FINEST * low.abs().max(high.abs()) {
-            let problem = format!(
-                "the values of `{name}` differ by less than a hundred thousandth of themselves: subtract a number from all of them, or \
-                 leave the unit away from the name"
+            tracing::warn!(
+                "{file}: `{name}` takes part in nothing: its values differ by less than a hundred thousandth of themselves; subtract a \
+                 number from all of them where depth may depend on it"
             );
-            return Err(DatasetError::Table { path: path.to_owned(), line: 1, problem });
+            left_out.insert(name.to_owned());
+        } else if high > low && carried.len() < MOST_QUANTITIES {
+            carried.push(name);
+        } else if count > MOST_QUANTITIES {
+            has_more |= high > low;
+            left_out.insert(name.to_owned());
         }
     }
-    if quantities.len() > MOST_QUANTITIES {
-        let problem = format!(
-            "there are {} columns whose names end in a unit ({}), which are quantities that the depth may depend on: leave \
-             the unit away from the names of all but {MOST_QUANTITIES}",
-            quantities.len(),
-            quantities.join(", ")
+    if has_more {
+        tracing::warn!(
+            "{file}: of the columns whose names end in a unit only {} are quantities that depth may depend on; leave the unit away from \
+             the names of those that it does not depend on",
+            carried.join(", ")
         );
-        return Err(DatasetError::Table { path: path.to_owned(), line: 1, problem });
     }
-    Ok(())
+    Ok(left_out)
 }
 
 fn finite(cell: &str) -> Option<f64> {
@@ -227,11 +238,18 @@ mod tests {
         assert!(message.contains("exposure_ms") && message.contains("8,5"), "{message}");
         let message = complaint("frame,exposure_ms\n1,8.5\n2,auto\n");
         assert!(message.contains(":3") && message.contains("exposure_ms") && message.contains("auto"), "{message}");
-        let message = complaint("frame,clock_s\n1,1700000000.0\n2,1700000009.5\n");
-        assert!(message.contains("`clock_s`") && message.contains("subtract"), "{message}");
+    }
+
+    /// A recorder's clock and a table of poses are no reason to refuse a capture.
+    #[test]
+    fn columns_that_observations_cannot_carry_are_left_out() {
+        let rows = table("frame,clock_s,gain_1\n1,1700000000.0,1\n2,1700000009.5,2\n").unwrap();
+        let names = |row: &Row| row.metadata.quantities().iter().map(|(q, _)| q.name()).collect::<Vec<_>>();
+        assert_eq!(names(&rows[1]), ["gain_1"]);
+        assert_eq!(rows[1].metadata.other["clock_s"], "1700000009.5");
         let many: Vec<String> = (1..=9).map(|i| format!("q{i}_v")).collect();
-        let message = complaint(&format!("frame,{}\n1{}\n", many.join(","), ",1".repeat(9)));
-        assert!(message.contains("9 columns") && message.contains("all but 6"), "{message}");
+        let rows = table(&format!("frame,{}\n1{}\n2{}\n", many.join(","), ",1".repeat(9), ",2".repeat(9))).unwrap();
+        assert_eq!(names(&rows[0]), ["q1_v", "q2_v", "q3_v", "q4_v", "q5_v", "q6_v"]);
     }
 
     #[test]
