@@ -100,8 +100,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("{:>12} {:>12} {:>12}", "rate rad/s", "found", "drag");
         for step in -4..=4 {
             let rate = f64::from(step);
-            let found = function.value(&[0.0, rate, 0.0]);
-            println!("{rate:>12.1} {found:>12.3} {:>12.3}", -DRAG * rate.abs() * rate);
+            let value = function.value(&[0.0, rate, 0.0]);
+            println!("{rate:>12.1} {value:>12.3} {:>12.3}", -DRAG * rate.abs() * rate);
         }
     }
     Ok(())

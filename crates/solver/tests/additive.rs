@@ -84,8 +84,8 @@ fn deviation(found: impl Fn(f64) -> f64, planted: impl Fn(f64) -> f64, end: f64)
 /// Twenty problems in which nothing is missing: at the level of the test, over all functions, one at most may show something.
 #[test]
 fn nothing_is_found_where_nothing_is_missing() {
-    let found: Vec<u64> = (0..20).filter(|seed| !searched(&problem(*seed, |_, _, _| 0.0)).is_empty()).collect();
-    assert!(found.len() <= 1, "something in {found:?}");
+    let false_finds: Vec<u64> = (0..20).filter(|seed| !searched(&problem(*seed, |_, _, _| 0.0)).is_empty()).collect();
+    assert!(false_finds.len() <= 1, "something in {false_finds:?}");
 }
 
 #[test]
@@ -94,10 +94,10 @@ fn two_functions_are_found_and_their_shapes_are_right() {
     let functions = searched(&problem(3, |x, w, _| of_x(x) + of_w(w)));
     let names: Vec<&[String]> = functions.iter().map(|function| &function.covariates[..]).collect();
     assert_eq!(functions.len(), 2, "{names:?}");
-    let of = |name: &str| functions.iter().find(|function| function.covariates == [name]).unwrap();
+    let named = |name: &str| functions.iter().find(|function| function.covariates == [name]).unwrap();
     // 1920 rows of 0.2 over some twelve functions each: about 0.02 each, twice that at the ends.
-    let error_x = deviation(|x| of("x").value(&[x, 0.0, 0.0]), of_x, 2.0);
-    let error_w = deviation(|w| of("w").value(&[0.0, w, 0.0]), of_w, 1.0);
+    let error_x = deviation(|x| named("x").value(&[x, 0.0, 0.0]), of_x, 2.0);
+    let error_w = deviation(|w| named("w").value(&[0.0, w, 0.0]), of_w, 1.0);
     assert!(error_x < 0.08 && error_w < 0.08, "{error_x} {error_w}");
     assert!(functions.iter().all(|function| function.share > 0.1));
 }

@@ -153,7 +153,8 @@ impl Products {
         self.sums.iter_mut().zip(&others.sums).for_each(|(sum, of_block)| *sum += of_block);
     }
 
-    /// Adds the rows of a cluster. Columns are sparse until its own variables are eliminated, which takes off a product of low rank.
+    /// Adds the rows of a cluster. Columns are sparse until its own variables are eliminated, which takes off a product of
+    /// low rank.
     fn add(&mut self, cluster: &Cluster<'_>, groups: &[Group], ranges: &[Range<usize>]) {
         let rows = cluster.rows.matrix();
         let kinds = rows.ncols();

@@ -39,7 +39,7 @@ impl Covariate {
     }
 }
 
-/// What a scalar residual depends on.
+/// Values that a scalar residual depends on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observed {
     /// Values of the covariates; NaN where unknown.
@@ -68,8 +68,8 @@ struct Part {
 }
 
 impl MissingFunction {
-    /// Its value where the covariates, all of them in the order of the search, are these. Beyond the observed range it is constant
-    /// along every covariate. A part that the fitted variables can represent is undetermined in it.
+    /// Its value where the covariates, all of them in the order of the search, are these. Beyond the observed range it is
+    /// constant along every covariate. A part that the fitted variables can represent is undetermined in it.
     pub fn value(&self, covariates: &[f64]) -> f64 {
         self.parts.iter().map(|part| part.value(covariates)).sum()
     }
@@ -135,8 +135,8 @@ pub fn missing_functions(
     }
     let library = Library::new(covariates, &taken);
     let model = library.model(&taken);
-    let found = search(&model);
-    let Some(strengths) = Strengths::best(&model, &found) else { return Ok(Vec::new()) };
+    let functions = search(&model);
+    let Some(strengths) = Strengths::best(&model, &functions) else { return Ok(Vec::new()) };
     let coefficients = strengths.coefficients();
     let mut next = 0;
     let function = |found: &super::search::Found| {
@@ -151,19 +151,19 @@ pub fn missing_functions(
         let names = found.covariates.iter().map(|number| covariates[*number].name.clone()).collect();
         MissingFunction { covariates: names, share: found.share, parts }
     };
-    Ok(found.iter().map(function).collect())
+    Ok(functions.iter().map(function).collect())
 }
 
 /// Every so-many-th row of a cluster, with its own variables eliminated, and the rows' numbers; `None` where these rows and all
 /// other residuals do not determine the own variables.
 fn thinned_rows(all: &BatchRows, step: usize) -> Option<(ClusterRows, Vec<usize>)> {
-    let kept: Vec<usize> = (0..all.numbers.len()).step_by(step).collect();
-    let (jacobian, residuals) = (all.jacobian.select_rows(&kept), all.residuals.select_rows(&kept));
+    let taken: Vec<usize> = (0..all.numbers.len()).step_by(step).collect();
+    let (jacobian, residuals) = (all.jacobian.select_rows(&taken), all.residuals.select_rows(&taken));
     let (mut hessian, mut gradient) = all.others.clone();
     hessian.gemm_tr(1.0, &jacobian, &jacobian, 1.0);
     gradient.gemm_tr(1.0, &jacobian, &residuals, 1.0);
     let rows = ClusterRows::new(&jacobian, &residuals, &Normal { hessian, gradient }, all.local)?;
-    Some((rows, kept.iter().map(|row| all.numbers[*row]).collect()))
+    Some((rows, taken.iter().map(|row| all.numbers[*row]).collect()))
 }
 
 /// The groups of functions of some covariates.

@@ -59,7 +59,7 @@ impl Group {
     }
 }
 
-/// What the rows of a cluster depend on, one row each.
+/// Covariates and weights of the rows of a cluster, one row each.
 #[derive(Debug, Clone)]
 pub struct Table {
     /// Covariates of the groups' splines; NaN where unknown.

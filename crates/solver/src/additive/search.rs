@@ -33,7 +33,7 @@ const SIMPLER: f64 = 0.05;
 /// A function that the residuals depend on, given all others.
 #[derive(Debug, Clone)]
 pub struct Found {
-    /// What it depends on.
+    /// Quantities that it depends on.
     pub covariates: BTreeSet<usize>,
     /// Numbers of the groups that describe it.
     pub groups: Vec<usize>,

@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::linearization::{Cluster, Linearization};
+use super::linearization::Linearization;
 use super::pseudo_inverse::{NEGLIGIBLE, pseudo_solve};
+use super::structure::Cluster;
 
 /// Strengths of smoothness priors that are tried: trace of the prior's precision relative to that of the data's information.
 const STRENGTHS: [f64; 6] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];

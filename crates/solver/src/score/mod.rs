@@ -32,5 +32,6 @@ mod score_test;
 pub(crate) mod structure;
 
 pub use efficient::EfficientScores;
-pub use linearization::{Candidate, Linearization, ScoreError};
+pub use linearization::Linearization;
 pub use score_test::Score;
+pub use structure::{Candidate, ScoreError};

@@ -3,8 +3,9 @@
 use std::collections::HashMap;
 
 use nalgebra::{DMatrix, DVector};
+use thiserror::Error;
 
-use super::linearization::{Candidate, Cluster, Columns, ScoreError, eliminate};
+use super::pseudo_inverse::{NEGLIGIBLE, pseudo_inverse};
 use crate::normal::kernels;
 use crate::problem::error::EvaluationFailure;
 use crate::problem::factor_batch::FactorBatch;
@@ -12,6 +13,82 @@ use crate::problem::graph::{BatchId, Fixed, Graph};
 use crate::problem::key::VariableId;
 use crate::problem::loss::Loss;
 use crate::problem::values::Values;
+
+/// A possible effect: fixed variables of the graph that are tested together.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// Name for reports.
+    pub name: String,
+    /// The variables; their fixed components are the candidate's parameters.
+    pub variables: Vec<VariableId>,
+    /// Precision matrix, up to a factor, of a normal prior on the change of the parameters, for candidates with so many
+    /// parameters that they need one (maps, splines). The factor with the largest gain on held-out clusters is used.
+    pub smoothness: Option<DMatrix<f64>>,
+}
+
+impl Candidate {
+    /// A candidate of one variable without a prior.
+    pub fn new(name: impl Into<String>, variable: impl Into<VariableId>) -> Self {
+        Self { name: name.into(), variables: vec![variable.into()], smoothness: None }
+    }
+}
+
+/// A problem cannot be linearised for score tests.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ScoreError {
+    /// A batch cannot be evaluated.
+    #[error(transparent)]
+    Evaluation(#[from] EvaluationFailure),
+    /// A variable of a candidate has no fixed component: it is part of the model already.
+    #[error("candidate \"{candidate}\": no component of {variable} is fixed; only fixed components can be tested")]
+    NotFixed {
+        /// The candidate.
+        candidate: String,
+        /// The variable's label.
+        variable: String,
+    },
+    /// A smoothness prior has another size than its candidate.
+    #[error(
+        "the smoothness of candidate \"{candidate}\" is a {found}×{found} matrix, but it has {expected} parameters"
+    )]
+    Smoothness {
+        /// The candidate.
+        candidate: String,
+        /// Size of the matrix.
+        found: usize,
+        /// Number of parameters.
+        expected: usize,
+    },
+}
+
+/// Normal equations of one cluster over shared and candidate columns, its own variables eliminated.
+#[derive(Clone, Debug)]
+pub(super) struct Cluster {
+    pub hessian: DMatrix<f64>,
+    pub gradient: DVector<f64>,
+    /// Diagonal of the Hessian before elimination: the curvatures of the columns alone, relative to which ranks are judged.
+    pub alone: DVector<f64>,
+    /// ½ Σ r² of the weighted residuals.
+    pub cost: f64,
+    /// Scalar residuals.
+    pub rows: usize,
+}
+
+/// The columns of a candidate.
+#[derive(Clone, Debug)]
+pub(super) struct Columns {
+    pub name: String,
+    pub first: usize,
+    pub count: usize,
+    pub smoothness: Option<DMatrix<f64>>,
+}
+
+impl Cluster {
+    pub fn empty(columns: usize) -> Self {
+        let zeros = DVector::zeros(columns);
+        Self { hessian: DMatrix::zeros(columns, columns), gradient: zeros.clone(), alone: zeros, cost: 0.0, rows: 0 }
+    }
+}
 
 /// The place of a variable's component in a cluster's normal equations.
 #[derive(Clone, Copy)]
@@ -313,4 +390,18 @@ fn weight_rows(loss: &Loss, dim: usize, width: usize, r: &mut [f64], j: &mut [f6
         let weight = loss.evaluate(residual.iter().map(|x| x * x).sum())[1].max(0.0).sqrt();
         residual.iter_mut().chain(rows).for_each(|x| *x *= weight);
     }
+}
+
+/// Eliminates the first `local` columns by a Schur complement. Undetermined combinations of them are kept at their
+/// values, by the pseudo-inverse.
+fn eliminate(hessian: &DMatrix<f64>, gradient: &DVector<f64>, local: usize) -> Cluster {
+    let reduced = hessian.nrows() - local;
+    let alone = hessian.diagonal().rows(local, reduced).into_owned();
+    let cross = hessian.view((0, local), (local, reduced)).into_owned();
+    let eliminated = hessian.view((0, 0), (local, local)).into_owned();
+    let inverse = pseudo_inverse(&eliminated, NEGLIGIBLE);
+    let carried = &inverse * &cross;
+    let hessian = hessian.view((local, local), (reduced, reduced)) - cross.tr_mul(&carried);
+    let gradient = gradient.rows(local, reduced) - carried.tr_mul(&gradient.rows(0, local).into_owned());
+    Cluster { hessian: (&hessian + hessian.transpose()) * 0.5, gradient, alone, cost: 0.0, rows: 0 }
 }

@@ -1,5 +1,5 @@
-//! One to three effects at once, of shapes that neither the catalogue nor the library of formulas has, on boards of which half are
-//! bent and stretched.
+//! One to three effects at once, of shapes that neither the catalogue nor the library of formulas has, on boards of which half
+//! are bent and stretched.
 
 use std::collections::BTreeSet;
 

@@ -181,10 +181,13 @@ impl Dictionary {
                     continue;
                 }
                 let splines: Vec<Smooth> = smooth.into_iter().collect();
-                let of = smooth.map_or(Of::True, |s| s.of);
-                let forms = Self::forms(&splines).iter();
-                let functions = forms.map(|on| Function { splines: splines.clone(), factor: *factor, of, on: *on });
-                self.functions.extend(functions);
+                let function = |on: &On| Function {
+                    splines: splines.clone(),
+                    factor: *factor,
+                    of: smooth.map_or(Of::True, |s| s.of),
+                    on: *on,
+                };
+                self.functions.extend(Self::forms(&splines).iter().map(function));
             }
         }
     }

@@ -71,12 +71,14 @@ pub fn searched(fit: &CalibratedCamera) -> Option<DiagnosisSearched> {
 /// The functions that residuals depend on, described by formulas.
 fn described(observations: &Observations, taken: &[String]) -> Vec<Component> {
     let dictionary = Dictionary::of(observations, 1);
-    let found = search(&dictionary.model(observations));
-    if found.is_empty() {
+    let functions = search(&dictionary.model(observations));
+    if functions.is_empty() {
         return Vec::new();
     }
     let mut components = Vec::new();
-    for (Found { covariates, share, .. }, description) in found.iter().zip(descriptions(observations, &found, taken)) {
+    for (Found { covariates, share, .. }, description) in
+        functions.iter().zip(descriptions(observations, &functions, taken))
+    {
         let names: Vec<&str> = dictionary.covariates_of(covariates).iter().map(|c| c.name()).collect();
         match description {
             Ok(description) => {
