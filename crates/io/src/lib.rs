@@ -17,7 +17,8 @@ pub mod record;
 pub mod schema;
 
 pub use board_print::{
-    BoardFileError, BoardFiles, BoardPage, BoardPrintError, Paper, TagCells, board_pdf, board_svg, write_board,
+    BoardFileError, BoardFiles, BoardPage, BoardPrintError, DictionaryCells, Paper, TagCells, board_pdf, board_svg,
+    write_board,
 };
 pub use camera_files::{
     CameraFileError, CameraFormat, Export, ExportCamera, ExportError, ExportWarning, FileLens, Intrinsics, read_camera,

@@ -43,6 +43,9 @@ pub(crate) struct Corrector {
     quantities: Vec<(Quantity, Vec<f64>)>,
 }
 
+/// A function of the package, and its arguments: the text of a calibration, and the number of threads.
+type Reduced<'py> = (Bound<'py, PyAny>, (String, Option<usize>));
+
 /// Arguments of a call besides `out`, as they are given.
 struct Given<'a, 'py> {
     depth: &'a Bound<'py, PyAny>,
@@ -243,7 +246,7 @@ impl Corrector {
     }
 
     /// Pickled as its calibration, from which the other process builds it again.
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String, Option<usize>))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
         let build = py.import("depthcal._calibration")?.getattr("_corrector")?;
         Ok((build, (json(&*self.record)?, self.threads.as_deref().and_then(FrameThreads::number))))
     }

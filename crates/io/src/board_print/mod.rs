@@ -11,5 +11,5 @@ pub use error::BoardPrintError;
 pub use page::{BoardPage, TagCells};
 pub use paper::Paper;
 pub use pdf::board_pdf;
-pub use print::{BoardFileError, BoardFiles, write_board};
+pub use print::{BoardFileError, BoardFiles, DictionaryCells, write_board};
 pub use svg::board_svg;

@@ -50,6 +50,9 @@ pub struct BoardFiles {
     pub written: [PathBuf; 2],
 }
 
+/// Draws a tag of a dictionary, by their names and numbers: rows of cells, or the reason why not.
+pub type DictionaryCells<'a> = dyn Fn(&str, usize) -> Result<Vec<Vec<bool>>, String> + 'a;
+
 /// Writes a board to print into `out`, a PDF or SVG by its name, and the section `[board]` of a dataset beside it, with the
 /// extension `.toml`. `cells` draws the tags of a dictionary by its name; without `paper` the smallest that holds the board is
 /// taken.
@@ -61,7 +64,7 @@ pub fn write_board(
     target: &Target,
     paper: Option<Paper>,
     out: &Path,
-    cells: &dyn Fn(&str, usize) -> Result<Vec<Vec<bool>>, String>,
+    cells: &DictionaryCells<'_>,
 ) -> Result<BoardFiles, BoardFileError> {
     let extension = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if !["pdf", "svg"].contains(&extension.as_str()) {
