@@ -113,8 +113,13 @@ fn disparities_are_named_and_with_their_declaration_calibrated() {
     let mut valid: Vec<f64> = (0..corrected.len()).filter_map(|i| corrected.measurement(i)).collect();
     valid.sort_by(f64::total_cmp);
     assert!((200.0..3000.0).contains(&valid[valid.len() / 2]), "{} mm", valid[valid.len() / 2]);
-    // The calibration has no unit for files whose numbers it does not know.
-    fails(["apply", &json, &folder.arg("data/depth"), "--out", &folder.arg("no")], &["the depth unit is unknown"]);
+    // Files without a dataset are taken as what the calibration's camera writes.
+    let depth = folder.arg("data/depth");
+    fails(["apply", &json, &depth, "--out", &folder.arg("no")], &["--format tiff"]);
+    succeeds(["apply", &json, &depth, "--out", &folder.arg("bare"), "--format", "tiff"]);
+    let name = &folder.names("tiff")[0];
+    let [of_dataset, bare] = ["tiff", "bare"].map(|out| std::fs::read(folder.path(out).join(name)).unwrap());
+    assert!(of_dataset == bare, "{name} differs");
 }
 
 #[test]

@@ -1,6 +1,5 @@
 //! Start values: recovered where the captures determine them, refused with a reason where they do not.
 
-use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera, lens_named};
 use depthcal::calibration::observe::{CameraFrames, MarkerObservation};
 use depthcal::calibration::simulated;
 use depthcal::calibration::start::{FrameMarkers, StartError, estimate_pose, homography, start_values};
@@ -146,32 +145,4 @@ fn collinear_and_too_few_markers_are_refused() {
     assert!(matches!(start(&capture).unwrap_err(), StartError::Collinear { frame } if frame == capture.frames[1].name));
     capture.frames[1].markers = all[..5].to_vec();
     assert!(matches!(start(&capture).unwrap_err(), StartError::TooFewMarkers { found: 5, .. }));
-}
-
-/// Few frames do not determine the eight terms of a declared lens: those that they leave open keep the declared values, and the
-/// others are fitted to them. The projection is the true one to a pixel where the boards are:
-/// six frames tell the focal length to some tenths of a pixel.
-#[test]
-fn terms_of_a_declared_lens_that_frames_leave_open_keep_their_values() {
-    let truth = CameraTruth::published(1).unwrap();
-    let (observed, capture) =
-        observe(&Simulation::new(truth, Kind::General(1), &[], 2).frames(6), &PointOptions::default());
-    let mut lens = lens_named("opencv8", &Register::builtin()).unwrap().unwrap();
-    // 1 + k4 r² + k5 r⁴ + k6 r⁶ below, and what it takes from k1 above.
-    let [k1, k2, p1, p2, k3] = truth.lens;
-    lens.theta[..8].copy_from_slice(&[k1 + 0.01, k2, p1, p2, k3, 0.01, 0.002, 0.001]);
-    let [fx, fy] = truth.focal_px;
-    let pinhole = Block::pinhole([fx + 2.0, fy + 2.0, truth.centre_px[0], truth.centre_px[1], 0.0]);
-    let declared = Camera::from_blocks(truth.width, truth.height, pinhole, vec![lens]);
-    let options = CameraOptions { camera: Some(declared), ..CameraOptions::default() };
-    let fit = calibrate_camera(&capture, &options).unwrap();
-    let lens = fit.camera.block("opencv_lens").unwrap();
-    assert_eq!(&lens.theta[5..8], &[0.01, 0.002, 0.001]);
-    assert!(lens.free[..4].iter().all(|free| *free) && !lens.free[5..8].contains(&true), "{:?}", lens.free);
-    let of_truth = true_camera(&observed.truth.camera);
-    for marker in capture.frames.iter().flat_map(|frame| &frame.markers) {
-        let [x, y] = of_truth.ray(marker.pixel, 1e-3).unwrap();
-        let [u, v] = fit.camera.project(&Vector3::new(x, y, 1.0)).unwrap();
-        assert!((u - marker.pixel[0]).hypot(v - marker.pixel[1]) < 1.0, "{:?}: {u} {v}", marker.pixel);
-    }
 }
