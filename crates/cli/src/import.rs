@@ -105,25 +105,9 @@ impl Import {
             .map(|path| path.strip_prefix(&hidden).map_or(path.clone(), |name| self.out.join(name)));
         let written: Vec<PathBuf> = written.collect();
         self.print(&imported, options.board.is_some());
-        let streams: Vec<Value> = imported
-            .streams
-            .iter()
-            .map(|(stream, size)| json!({ "name": stream.name, "type": stream.kind, "width": size[0], "height": size[1] }))
-            .collect();
-        Ok(json!({
-            "frames": imported.frames,
-            "of_images": imported.of_images,
-            "searched": imported.searched.map(|s| s.0),
-            "with_board": imported.searched.map(|s| s.1),
-            "without_depth": imported.without_depth,
-            "image": imported.image.name,
-            "depth": imported.depth.as_ref().map(|stream| &stream.name),
-            "unit_mm": imported.unit_mm,
-            "is_rig": imported.is_rig,
-            "cut_off": imported.cut,
-            "streams": streams,
-            "written": written,
-        }))
+        let mut told = imported.to_json();
+        told["written"] = json!(written);
+        Ok(told)
     }
 
     fn print(&self, imported: &Imported, has_board: bool) {

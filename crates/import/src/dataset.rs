@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use depthcal_io::{CameraSection, DATASET_FILE, DatasetFile, write_atomically};
 use depthcal_model::Target;
+use serde_json::{Value, json};
 
 use crate::camera_info::CameraInfo;
 use crate::error::ImportError;
@@ -43,6 +44,27 @@ pub struct Imported {
     pub without_depth: usize,
     /// Files that were written, without those of the frames.
     pub written: Vec<PathBuf>,
+}
+
+impl Imported {
+    /// Counts, streams and declarations as JSON, for programs; the files that were written are left to the caller, who may have
+    /// moved them.
+    pub fn to_json(&self) -> Value {
+        let stream = |(stream, [width, height]): &(StreamInfo, [usize; 2])| json!({ "name": stream.name, "type": stream.kind, "width": width, "height": height });
+        json!({
+            "frames": self.frames,
+            "of_images": self.of_images,
+            "searched": self.searched.map(|s| s.0),
+            "with_board": self.searched.map(|s| s.1),
+            "without_depth": self.without_depth,
+            "image": self.image.name,
+            "depth": self.depth.as_ref().map(|stream| &stream.name),
+            "unit_mm": self.unit_mm,
+            "is_rig": self.is_rig,
+            "cut_off": self.cut,
+            "streams": self.streams.iter().map(stream).collect::<Vec<_>>(),
+        })
+    }
 }
 
 /// The frames that were written: names and times.

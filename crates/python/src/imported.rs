@@ -6,7 +6,6 @@ use depthcal_import::{ImportOptions, Pairing};
 use depthcal_io::{DATASET_FILE, StagedDataset};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::json;
 
 use crate::arguments::argument;
 use crate::dataset::target_of;
@@ -68,22 +67,6 @@ pub(crate) fn import_recording(
         })?;
         drop(stage);
         staged.commit().map_err(input)?;
-        let streams = imported.streams.iter().map(|(stream, [width, height])| {
-            json!({ "name": stream.name, "type": stream.kind, "width": width, "height": height })
-        });
-        let told = json!({
-            "frames": imported.frames,
-            "of_images": imported.of_images,
-            "searched": imported.searched.map(|s| s.0),
-            "with_board": imported.searched.map(|s| s.1),
-            "without_depth": imported.without_depth,
-            "image": imported.image.name,
-            "depth": imported.depth.as_ref().map(|stream| &stream.name),
-            "unit_mm": imported.unit_mm,
-            "is_rig": imported.is_rig,
-            "cut_off": imported.cut,
-            "streams": streams.collect::<Vec<_>>(),
-        });
-        Ok(told.to_string())
+        Ok(imported.to_json().to_string())
     })
 }
