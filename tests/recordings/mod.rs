@@ -104,7 +104,7 @@ fn every_container_is_imported_and_calibrated() {
     containers::db3(&folder.path("plain.db3"), &messages, false);
     containers::db3(&folder.path("db3/packed_0.db3"), &messages, true);
     let whole = zstd::encode_all(&std::fs::read(folder.path("plain.db3")).unwrap()[..], 1).unwrap();
-    // Of a file that was decompressed beside itself one is read.
+    // Of a compressed file and its decompressed copy in the same folder one is read.
     folder.write("both/whole_0.db3.zstd", &whole);
     std::fs::copy(folder.path("plain.db3"), folder.path("both/whole_0.db3")).unwrap();
     folder.write("file/whole_0.db3.zstd", whole);

@@ -12,7 +12,7 @@ use crate::running::run;
 /// Page and ruler, mm; the section `[board]`; the files.
 type Printed = ([f64; 2], f64, String, [PathBuf; 2]);
 
-/// Writes the board of a JSON text to print into `out`, .pdf or .svg, and its section for a dataset.toml beside it.
+/// Writes the board of a JSON text to print into `out`, .pdf or .svg, and its section for a dataset.toml into the same folder.
 #[pyfunction]
 #[pyo3(signature = (board, out, paper))]
 pub(crate) fn write_board(py: Python<'_>, board: &str, out: PathBuf, paper: Option<String>) -> PyResult<Printed> {

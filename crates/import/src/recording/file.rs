@@ -171,7 +171,7 @@ impl Recording {
     }
 }
 
-/// Whether a file that is there compressed is one of a recording, and not there as well: `ros2 bag play` puts it beside.
+/// Whether a compressed file is of a recording and has no decompressed copy in its folder: `ros2 bag play` writes one there.
 fn is_missing(present: &[PathBuf], file: &PathBuf) -> bool {
     file.extension().is_some_and(|e| e == "db3" || e == "mcap") && !present.contains(file)
 }

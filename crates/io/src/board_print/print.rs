@@ -1,4 +1,4 @@
-//! A print in files: the page, and the section of a dataset beside it.
+//! Files of a board to print: the page, and a file with the section `[board]` of a dataset.
 
 use std::path::{Path, PathBuf};
 
@@ -53,9 +53,9 @@ pub struct BoardFiles {
 /// Draws a tag of a dictionary, by their names and numbers: rows of cells, or the reason why not.
 pub type DictionaryCells<'a> = dyn Fn(&str, usize) -> Result<Vec<Vec<bool>>, String> + 'a;
 
-/// Writes a board to print into `out`, a PDF or SVG by its name, and the section `[board]` of a dataset beside it, with the
-/// extension `.toml`. `cells` draws the tags of a dictionary by its name; without `paper` the smallest that holds the board is
-/// taken.
+/// Writes a board to print into `out`, a PDF or SVG by its name, and the section `[board]` of a dataset into a file of the same
+/// name with the extension `.toml`. `cells` draws the tags of a dictionary by its name; without `paper` the smallest that holds
+/// the board is taken.
 ///
 /// # Errors
 ///
@@ -85,7 +85,7 @@ pub fn write_board(
     Ok(BoardFiles { page_mm: page.size_mm, ruler_mm: page.ruler_mm, section, written: [out.to_owned(), beside] })
 }
 
-/// Writes the section and the print, so that neither is ever beside that of another board.
+/// Writes both files so that the section of one board never lies in one folder with the print of another.
 fn write_both(files: [(&Path, &[u8]); 2]) -> Result<(), FileError> {
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let folder = files[0].0.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
 use super::axis::{Axis, SUPPORT};
 use super::normal::Normal;
@@ -117,7 +118,6 @@ impl Additive<'_> {
 
     /// Normal equations of every cluster over the shared columns and those of some groups, one after the other.
     pub fn normals(&self, groups: &[usize]) -> Vec<Normal> {
-        use rayon::prelude::*;
         self.clusters.par_iter().map(|cluster| cluster.rows.normal(&self.columns(cluster, groups))).collect()
     }
 
