@@ -166,7 +166,13 @@ pub(crate) fn left_over(left: &DiagnosisLeftOver) -> String {
 /// The functions that were searched in what is left, without full stop.
 pub(crate) fn searched(searched: &DiagnosisSearched) -> String {
     let pairs: Vec<String> = searched.functions_of_pairs.iter().map(|[a, b]| format!("{a} and {b}")).collect();
-    let pairs = if pairs.is_empty() { String::new() } else { format!("; functions of {}", pairs.join(", of ")) };
+    let n = searched.functions_of.len();
+    let pairs = match pairs.len() {
+        0 => String::new(),
+        // Radius is a function of x and y.
+        all if all + 2 >= n * n.saturating_sub(1) / 2 => "; functions of any two of these".to_owned(),
+        _ => format!("; functions of {}", pairs.join(", of ")),
+    };
     let times = match &searched.times[..] {
         [] => String::new(),
         times => format!(", and times {}", times.join(", ")),

@@ -11,6 +11,8 @@ use super::penalty::{Information, STRENGTH, block_diagonal};
 
 /// Blocks of consecutive clusters, of which one is left out at a time.
 const BLOCKS: usize = 6;
+/// Strengths that are compared for groups that take part.
+const STRENGTHS: [f64; 5] = [1e-5, 1e-4, 1e-3, STRENGTH, 1e-1];
 /// Share of its information that a group has to keep where the shared parameters are free: else it is one of these.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -31,6 +33,7 @@ struct LeftOut {
 pub(super) struct Blocks {
     ranges: Vec<Range<usize>>,
     left_out: Vec<LeftOut>,
+    information: Vec<Information>,
     /// Penalty of every group.
     pub penalties: Vec<DMatrix<f64>>,
     /// Numbers of the groups that are more than the shared parameters.
@@ -94,13 +97,55 @@ impl Blocks {
         let information = trace(&|i| visible[i]);
         let alone = trace(&|i| total.own[(i, i)]);
         let tested = (0..information.len()).filter(|g| information[*g] > LEAST_SHARE * alone[*g]).collect();
-        let penalty = |number: usize| {
-            let sums = DVector::from_column_slice(&total.sums[ranges[number].clone()]);
-            Information { total: information[number], sums }.penalty(&model.groups[number], STRENGTH)
+        let of_group = |(columns, total_of_group): (&Range<usize>, f64)| {
+            let sums = DVector::from_column_slice(&total.sums[columns.clone()]);
+            Information { total: total_of_group, sums }
         };
-        let penalties = (0..information.len()).map(penalty).collect();
+        let information: Vec<Information> = ranges.iter().zip(information).map(of_group).collect();
+        let penalty = |(group, information): (&Group, &Information)| information.penalty(group, STRENGTH);
+        let penalties = model.groups.iter().zip(&information).map(penalty).collect();
         let left_out: Option<Vec<LeftOut>> = products.into_par_iter().map(|block| total.leaving_out(&block)).collect();
-        Some(Self { ranges, left_out: left_out?, penalties, tested })
+        Some(Self { ranges, left_out: left_out?, information, penalties, tested })
+    }
+
+    /// Chooses the strengths of the penalties of some groups that predict the blocks best, one after the other.
+    pub fn choose_strengths(&mut self, groups: &[usize], model: &Additive<'_>) {
+        for group in groups {
+            let compared = STRENGTHS.map(|strength| {
+                self.penalties[*group] = self.information[*group].penalty(&model.groups[*group], strength);
+                (self.gain(groups), strength)
+            });
+            let best = compared.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+            let (_, strength) = best.unwrap_or((0.0, STRENGTH));
+            self.penalties[*group] = self.information[*group].penalty(&model.groups[*group], strength);
+        }
+    }
+
+    /// All other groups by the fall of the cost of the clusters without the first block with them, given some members; the best
+    /// first.
+    pub fn most_promising(&self, members: &[usize]) -> Vec<usize> {
+        let part = &self.left_out[0].fitted;
+        let columns: Vec<usize> = members.iter().flat_map(|g| self.ranges[*g].clone()).collect();
+        let mut of_members = block_diagonal(members.iter().map(|g| &self.penalties[*g]));
+        of_members += part.product(&columns, &columns);
+        let Some(factor) = of_members.cholesky() else { return Vec::new() };
+        let lower = factor.l();
+        let solved = |matrix: &DMatrix<f64>| lower.solve_lower_triangular(matrix);
+        let Some(pull) = solved(&DMatrix::from_fn(columns.len(), 1, |i, _| part.gradient[columns[i]])) else {
+            return Vec::new();
+        };
+        let fall = |group: usize| {
+            let of_group: Vec<usize> = self.ranges[group].clone().collect();
+            let cross = solved(&part.product(&columns, &of_group))?;
+            let mut left = &self.penalties[group] + part.product(&of_group, &of_group);
+            left.gemm_tr(-1.0, &cross, &cross, 1.0);
+            let gradient = DVector::from_fn(of_group.len(), |i, _| part.gradient[of_group[i]]) - cross.tr_mul(&pull);
+            Some((group, gradient.dot(&left.cholesky()?.solve(&gradient))))
+        };
+        let others = self.tested.par_iter().copied().filter(|group| !members.contains(group));
+        let mut falls: Vec<(usize, f64)> = others.filter_map(fall).collect();
+        falls.sort_by(|a, b| b.1.total_cmp(&a.1));
+        falls.into_iter().map(|(group, _)| group).collect()
     }
 
     /// Fall of the cost of all blocks, each left out, with some groups, which are given by their numbers.
@@ -108,6 +153,13 @@ impl Blocks {
         let columns: Vec<usize> = groups.iter().flat_map(|g| self.ranges[*g].clone()).collect();
         let penalty = block_diagonal(groups.iter().map(|g| &self.penalties[*g]));
         self.left_out.iter().map(|part| part.gain(&columns, &penalty)).sum()
+    }
+}
+
+impl Quadratic {
+    /// Some rows and columns of the matrix.
+    fn product(&self, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
+        DMatrix::from_fn(rows.len(), columns.len(), |i, j| f64::from(self.hessian[(rows[i], columns[j])]))
     }
 }
 

@@ -28,5 +28,5 @@ pub use model::{Additive, Cluster, Group, Table};
 pub use normal::{Normal, left_out_gains};
 pub use penalty::Precision;
 pub use rows::ClusterRows;
-pub use search::{Found, search};
+pub use search::{Found, certain, grown, search};
 pub use strengths::Strengths;

@@ -12,9 +12,9 @@ use super::normal::{Normal, left_out_gains};
 use super::penalty::block_diagonal;
 
 /// Most functions of a model.
-const MOST: usize = 5;
+const MOST: usize = 4;
 /// Passes of exchanges.
-const PASSES: usize = 3;
+const PASSES: usize = 2;
 /// Least fall of the cost ½ Σ r² of left-out clusters by a function given all others, and the same per row …
 const LEAST_GAIN: f64 = 15.0;
 const LEAST_GAIN_PER_ROW: f64 = 0.002;
@@ -22,12 +22,12 @@ const LEAST_GAIN_PER_ROW: f64 = 0.002;
 /// may be large by chance, but not that of most.
 const LEVEL: f64 = 0.01;
 const LEAST_SHARE: f64 = 0.6;
-/// Pairs, single groups and additions that are tried, the best first, until all members are certain.
-const STARTS: usize = 4;
-/// Share by which the gain of a pair has to exceed that of the best single group.
-const WORTH: f64 = 0.02;
-
-/// Share of its gain that a function of two covariates may lose to one of a single covariate.
+/// Pairs from which the search starts, beside the best single group.
+const STARTS: usize = 3;
+/// Groups of one spline, and of two, whose gain is compared on left-out clusters as a further member: those that explain most of
+/// the other clusters.
+const PROMISING: usize = 12;
+/// Share of its gain that a function of two covariates may lose to one of a single covariate, or to one of fewer parameters.
 const SIMPLER: f64 = 0.05;
 
 /// A function that the residuals depend on, given all others.
@@ -44,17 +44,41 @@ pub struct Found {
 /// The model of a search.
 struct Search<'a> {
     model: &'a Additive<'a>,
-    blocks: &'a Blocks,
+    blocks: Blocks,
     rows: usize,
 }
 
 /// The functions that the residuals depend on, each certain given all others: most of the clusters, left out in blocks, become
 /// better with it. Empty where there are none, or fewer than three blocks of clusters.
 pub fn search(model: &Additive<'_>) -> Vec<Found> {
+    let certain = grown(model).into_iter().map(|members| certain(model, &members));
+    certain.max_by(|a, b| a.1.total_cmp(&b.1)).map_or_else(Vec::new, |(functions, _)| functions)
+}
+
+/// Sets of groups that together lower the cost of left-out clusters most. Their members need not be certain: which of them are
+/// is to be asked once functions that are close to them have been compared too ([`certain`]).
+pub fn grown(model: &Additive<'_>) -> Vec<Vec<usize>> {
     let Some(blocks) = Blocks::of(model) else { return Vec::new() };
-    let search = Search { model, blocks: &blocks, rows: model.rows() };
+    let mut search = Search { model, blocks, rows: model.rows() };
+    let usual = search.blocks.penalties.clone();
+    let mut sets: Vec<Vec<usize>> = Vec::new();
+    for start in search.starts() {
+        search.blocks.penalties.clone_from(&usual);
+        let grown = search.grown(start);
+        if !sets.contains(&grown) {
+            sets.push(grown);
+        }
+    }
+    sets
+}
+
+/// The functions of some groups, exchanged for others of the model where that gains, that are certain given all others, and the
+/// fall of the cost ½ Σ r² of left-out clusters with them.
+pub fn certain(model: &Additive<'_>, members: &[usize]) -> (Vec<Found>, f64) {
+    let Some(blocks) = Blocks::of(model) else { return (Vec::new(), 0.0) };
+    let mut search = Search { model, blocks, rows: model.rows() };
     let mut functions: Vec<Found> = Vec::new();
-    for group in search.members() {
+    for group in search.certain(members.to_vec()) {
         let covariates = &model.groups[group].covariates;
         match functions.iter_mut().find(|other| other.covariates == *covariates) {
             Some(other) => other.groups.push(group),
@@ -63,60 +87,18 @@ pub fn search(model: &Additive<'_>) -> Vec<Found> {
     }
     let gain_without = |place: Option<usize>| {
         let others = functions.iter().enumerate().filter(|(other, _)| Some(*other) != place);
-        blocks.gain(&others.flat_map(|(_, function)| function.groups.clone()).collect::<Vec<_>>())
+        search.blocks.gain(&others.flat_map(|(_, function)| function.groups.clone()).collect::<Vec<_>>())
     };
     let (cost, whole) = (model.cost(), gain_without(None));
     let shares: Vec<f64> = (0..functions.len()).map(|place| (whole - gain_without(Some(place))) / cost).collect();
     functions.iter_mut().zip(shares).for_each(|(function, share)| function.share = share);
-    functions
+    (functions, whole)
 }
 
 impl Search<'_> {
-    fn members(&self) -> Vec<usize> {
-        let mut members = self.start();
-        while !members.is_empty() && members.len() < MOST {
-            let mut tried = BTreeSet::new();
-            let extended = self.additions(&members).into_iter().take(STARTS).find_map(|(group, _)| {
-                let mut extended = self.exchanged([&members[..], &[group]].concat());
-                extended.sort_unstable();
-                (tried.insert(extended.clone()) && self.are_certain(&extended)).then_some(extended)
-            });
-            let Some(extended) = extended else { break };
-            members = extended;
-        }
-        self.simplified(members)
-    }
-
-    /// The members, with those of two covariates replaced by the best of one of these that explains as much.
-    fn simplified(&self, mut members: Vec<usize>) -> Vec<usize> {
-        let covariates = |group: usize| &self.model.groups[group].covariates;
-        for place in 0..members.len() {
-            let of_member = covariates(members[place]);
-            if of_member.len() < 2 {
-                continue;
-            }
-            let mut others = members.clone();
-            others.remove(place);
-            let [whole, without] = [&members, &others].map(|groups| self.blocks.gain(groups));
-            let simpler = self.blocks.tested.par_iter().copied().filter(|group| {
-                let of_group = covariates(*group);
-                of_group.len() == 1 && of_group.is_subset(of_member) && !others.contains(group)
-            });
-            let gain = |group: usize| (group, self.blocks.gain(&[&others[..], &[group]].concat()));
-            if let Some((group, gain)) = simpler.map(gain).max_by(|a, b| a.1.total_cmp(&b.1))
-                && whole - gain <= SIMPLER * (whole - without)
-            {
-                members[place] = group;
-            }
-        }
-        members
-    }
-
-    /// The best pair of which both are certain given the other, else the best single group that is certain; empty where none is.
-    fn start(&self) -> Vec<usize> {
+    /// The pairs that gain most, and the single group.
+    fn starts(&self) -> Vec<Vec<usize>> {
         let tested = &self.blocks.tested;
-        let singles: Vec<(Vec<usize>, f64)> =
-            self.additions(&[]).into_iter().map(|(group, gain)| (vec![group], gain)).collect();
         let with = |place: usize| {
             let gain = |second: &usize| {
                 let pair = vec![tested[place], *second];
@@ -127,26 +109,95 @@ impl Search<'_> {
         };
         let mut pairs: Vec<(Vec<usize>, f64)> = (0..tested.len()).into_par_iter().filter_map(with).collect();
         pairs.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let of_single = singles.first().map_or(0.0, |(_, gain)| gain.max(0.0));
-        pairs.retain(|(_, gain)| *gain > (1.0 + WORTH) * of_single);
-        for (start, gain) in [&pairs, &singles].into_iter().flat_map(|starts| starts.iter().take(STARTS)) {
-            debug!("additive: {} gains {gain:.1}", self.words(start));
+        pairs.truncate(STARTS);
+        let single = self.additions(&[]).into_iter().take(1).map(|(group, gain)| (vec![group], gain));
+        let starts = pairs.into_iter().chain(single).filter(|(_, gain)| *gain > self.least_gain());
+        starts.inspect(|(start, gain)| debug!("additive: {} gains {gain:.1}", self.words(start))).map(|s| s.0).collect()
+    }
+
+    /// The members with others that gain most, each exchanged against all groups.
+    fn grown(&mut self, mut members: Vec<usize>) -> Vec<usize> {
+        loop {
+            members = self.exchanged(members);
+            // What a member is too stiff for would be taken for another function.
+            self.blocks.choose_strengths(&members, self.model);
+            let gain = self.blocks.gain(&members);
+            match self.additions(&members).first() {
+                Some((group, with)) if members.len() < MOST && *with > gain + self.least_gain() => members.push(*group),
+                _ => {
+                    members.sort_unstable();
+                    return members;
+                }
+            }
         }
-        let mut tried = BTreeSet::new();
-        let mut certain = |start: &[usize]| {
-            let mut members = if start.len() > 1 { self.exchanged(start.to_vec()) } else { start.to_vec() };
-            members.sort_unstable();
-            (tried.insert(members.clone()) && self.are_certain(&members)).then_some(members)
+    }
+
+    /// The members, exchanged, that are certain given all others.
+    fn certain(&mut self, mut members: Vec<usize>) -> Vec<usize> {
+        for _ in 0..PASSES {
+            members = self.exchanged(members);
+            self.blocks.choose_strengths(&members, self.model);
+        }
+        while let Some(place) = self.least_certain(&members) {
+            members.remove(place);
+            self.blocks.choose_strengths(&members, self.model);
+        }
+        self.simplified(members)
+    }
+
+    /// The members, with each function of two covariates replaced by others that explain as much with less: of single
+    /// covariates, or of fewer parameters.
+    fn simplified(&self, mut members: Vec<usize>) -> Vec<usize> {
+        for member in members.clone() {
+            let others: Vec<usize> = members.iter().copied().filter(|other| *other != member).collect();
+            let [whole, without] = [&members, &others].map(|groups| self.blocks.gain(groups));
+            let simpler: Vec<(Vec<usize>, f64)> = self
+                .simpler(member, &others)
+                .into_par_iter()
+                .map(|groups| {
+                    let gain = self.blocks.gain(&[&others[..], &groups].concat());
+                    (groups, gain)
+                })
+                .collect();
+            let enough = simpler.into_iter().filter(|(_, gain)| whole - gain <= SIMPLER * (whole - without));
+            let size = |groups: &[usize]| {
+                let covariates = groups.iter().map(|group| self.model.groups[*group].covariates.len());
+                let columns: usize = groups.iter().map(|group| self.model.groups[*group].count()).sum();
+                (covariates.max(), columns)
+            };
+            if let Some((groups, _)) = enough.min_by(|a, b| size(&a.0).cmp(&size(&b.0)).then(b.1.total_cmp(&a.1))) {
+                members = [others, groups].concat();
+            }
+        }
+        members
+    }
+
+    /// Groups of the covariates of a member of two with less: one of these, both singly, or both together with fewer columns.
+    fn simpler(&self, member: usize, others: &[usize]) -> Vec<Vec<usize>> {
+        let of_member = &self.model.groups[member];
+        if of_member.covariates.len() < 2 {
+            return Vec::new();
+        }
+        let is_free = |group: &usize| *group != member && !others.contains(group);
+        let free: Vec<usize> = self.blocks.tested.iter().copied().filter(is_free).collect();
+        let groups_of = |covariates: &BTreeSet<usize>| -> Vec<usize> {
+            free.iter().copied().filter(|group| self.model.groups[*group].covariates == *covariates).collect()
         };
-        let mut starts = pairs.iter().take(STARTS).chain(singles.iter().take(STARTS));
-        starts.find_map(|(start, _)| certain(start)).unwrap_or_default()
+        let singly: Vec<Vec<usize>> = of_member.covariates.iter().map(|c| groups_of(&BTreeSet::from([*c]))).collect();
+        let both = singly[0].iter().flat_map(|a| singly[1].iter().map(|b| vec![*a, *b]));
+        let smaller =
+            groups_of(&of_member.covariates).into_iter().filter(|g| self.model.groups[*g].count() < of_member.count());
+        singly.iter().flatten().copied().chain(smaller).map(|group| vec![group]).chain(both).collect()
     }
 
     /// The groups with which the model of some members gains most, the best first.
     fn additions(&self, members: &[usize]) -> Vec<(usize, f64)> {
         let gain = |group: usize| (group, self.blocks.gain(&[members, &[group]].concat()));
-        let others = self.blocks.tested.par_iter().copied().filter(|group| !members.contains(group));
-        let mut additions: Vec<(usize, f64)> = others.map(gain).collect();
+        let is_double = |group: &usize| self.model.groups[*group].axes.len() > 1;
+        let (of_two, of_one): (Vec<usize>, Vec<usize>) =
+            self.blocks.most_promising(members).into_iter().partition(is_double);
+        let promising: Vec<usize> = [of_one, of_two].iter().flat_map(|g| g.iter().take(PROMISING).copied()).collect();
+        let mut additions: Vec<(usize, f64)> = promising.into_par_iter().map(gain).collect();
         additions.sort_by(|a, b| b.1.total_cmp(&a.1));
         additions
     }
@@ -172,10 +223,10 @@ impl Search<'_> {
         members
     }
 
-    /// Whether every member is certain given all others.
-    fn are_certain(&self, members: &[usize]) -> bool {
+    /// The place of the member that most likely is chance given all others, of those that are not certain.
+    fn least_certain(&self, members: &[usize]) -> Option<usize> {
         let whole = self.gains(members);
-        members.iter().all(|member| {
+        let uncertain = members.iter().enumerate().filter_map(|(place, member)| {
             let others: Vec<usize> = members.iter().copied().filter(|other| other != member).collect();
             let without = self.gains(&others);
             let [in_blocks, interleaved] = [0, 1].map(|how| -> Vec<f64> {
@@ -183,17 +234,23 @@ impl Search<'_> {
             });
             // A block of consecutive clusters is an extrapolation of a function of time: there it must not lose.
             let gains = if self.is_sequential(*member) { &interleaved } else { &in_blocks };
-            let is_certain = is_certain(gains, self.rows) && in_blocks.iter().sum::<f64>() > 0.0;
+            let is_certain = is_certain(gains, self.least_gain()) && in_blocks.iter().sum::<f64>() > 0.0;
+            let p_value = signed_rank_p_value(gains);
             debug!(
-                "additive: {} given {}: gain {:.1}, p {:.2e}, {:.2} of clusters, certain: {is_certain}",
+                "additive: {} given {}: gain {:.1}, p {p_value:.2e}, {:.2} of clusters, certain: {is_certain}",
                 self.words(&[*member]),
                 self.words(&others),
                 gains.iter().sum::<f64>(),
-                signed_rank_p_value(gains),
                 share_above_zero(gains)
             );
-            is_certain
-        })
+            (!is_certain).then_some((place, p_value))
+        });
+        uncertain.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
+    }
+
+    /// Least fall of the cost of left-out clusters by a function given all others.
+    fn least_gain(&self) -> f64 {
+        LEAST_GAIN.max(LEAST_GAIN_PER_ROW * self.rows as f64)
     }
 
     fn is_sequential(&self, group: usize) -> bool {
@@ -221,11 +278,9 @@ impl Search<'_> {
     }
 }
 
-/// Whether gains of clusters, from so many rows, are more than chance and more than next to nothing.
-fn is_certain(gains: &[f64], rows: usize) -> bool {
-    gains.iter().sum::<f64>() >= LEAST_GAIN.max(LEAST_GAIN_PER_ROW * rows as f64)
-        && signed_rank_p_value(gains) < LEVEL
-        && share_above_zero(gains) >= LEAST_SHARE
+/// Whether gains of clusters are more than chance, and more than next to nothing.
+fn is_certain(gains: &[f64], least: f64) -> bool {
+    gains.iter().sum::<f64>() >= least && signed_rank_p_value(gains) < LEVEL && share_above_zero(gains) >= LEAST_SHARE
 }
 
 fn share_above_zero(gains: &[f64]) -> f64 {

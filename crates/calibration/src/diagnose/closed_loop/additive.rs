@@ -20,7 +20,7 @@ use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::{CalibrateError, CalibratedCamera};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::decision::Decision;
-use crate::diagnose::discovery::{Chance, Component, Search, effects_of_board};
+use crate::diagnose::discovery::{Component, Search, effects_of_board};
 use crate::diagnose::error::DiagnoseError;
 use crate::diagnose::examination::Examination;
 use crate::diagnose::held_out::Gain;
@@ -40,7 +40,7 @@ struct Task<'a> {
 }
 
 /// Searches with the noise that the functions of the last one leave: what is missing counts as noise before.
-const SEARCHES: usize = 2;
+const SEARCHES: usize = 4;
 
 /// The present model with explanations of all functions that its residuals depend on, where the held-out errors fall for certain
 /// with them.
@@ -174,40 +174,80 @@ fn explained(
 }
 
 /// The model of a task with the functions that its residuals depend on, and the share of the squared residuals that each
-/// explains. They are searched again with the noise that they leave as long as the held-out errors fall.
+/// explains. They are searched again with the noise that they leave as long as the held-out errors fall, and given those that
+/// were found, which are fitted better than a search can.
 fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
     let Task { model, base, incumbent } = task;
     bench.report("searching what the residuals depend on", &model.options(bench.declared()));
-    let taken = model.names(&base.fit);
     let mut noise = incumbent.fit.noise;
     let mut described: Option<(Model, Vec<f64>)> = None;
     for _ in 0..SEARCHES {
-        let components = bench.components(&CalibratedCamera { noise, ..base.fit.clone() }, &taken);
-        if components.is_empty() {
-            break;
-        }
-        let shares = components.iter().map(|component| component.share).collect();
-        let Some(with) = with_descriptions(bench, model, base, components)? else { break };
-        let with = with_effects_of_board(bench, with)?;
-        if described
-            .as_ref()
-            .is_some_and(|((_, before), _)| lower_percent(before, &with.1).is_none_or(|percent| percent < LEAST_FALL))
-        {
-            break;
-        }
-        let [earlier, later] = [noise, with.1.fit.noise].map(|noise| noise.depth.sigma(TYPICAL_INVERSE_DEPTH));
-        noise = with.1.fit.noise;
-        described = Some((with, shares));
-        if later > OTHER_NOISE * earlier {
-            break;
-        }
+        let fit = CalibratedCamera { noise, ..base.fit.clone() };
+        let searched = match functions_left(bench, (model, &fit), base)? {
+            Some((with, shares)) => Some((with_effects_of_board(bench, with)?, shares)),
+            None => None,
+        };
+        let better = searched.filter(|((_, with), _)| described.as_ref().is_none_or(|((_, b), _)| falls(b, with)));
+        let next = match (better, &described) {
+            (Some(better), _) => better,
+            (None, Some(before)) => match more_functions(bench, task, before)? {
+                Some(more) => more,
+                None => break,
+            },
+            (None, None) => break,
+        };
+        noise = next.0.1.fit.noise;
+        described = Some(next);
     }
     Ok(described)
 }
 
-/// Share of the noise before that is left, above which a further search would find the same …
-const OTHER_NOISE: f64 = 0.9;
-/// … at this inverse depth, 1/mm.
+/// The functions of a task with those that a fit with them leaves, where the held-out errors fall for certain with these.
+fn more_functions(
+    bench: &impl Bench,
+    task: &Task<'_>,
+    ((model, fitted), shares): &(Model, Vec<f64>),
+) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
+    let before = model.added.len();
+    let Some(((with, better), more)) = functions_left(bench, (model, &fitted.fit), fitted)? else { return Ok(None) };
+    if !matches!(better.gain_over(fitted, &with.added[before..], bench.thresholds()), Gain::Certain(_)) {
+        return Ok(None);
+    }
+    // Effects of the board stand after the functions: they have no share.
+    let mut shares = shares.clone();
+    shares.resize(before - task.model.added.len(), 0.0);
+    let of_all = noise_ratio(&fitted.fit, &task.incumbent.fit).powi(2);
+    shares.extend(more.into_iter().map(|share| of_all * share));
+    Ok(Some(((with, better), shares)))
+}
+
+/// A model with the functions that a fit of it leaves, and the share of its squared residuals that each explains; `base` is the
+/// model without them. `None` where there are none, or where they cannot be fitted.
+fn functions_left(
+    bench: &impl Bench,
+    (model, fit): (&AugmentedModel, &CalibratedCamera),
+    base: &Fitted,
+) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
+    let components = bench.components(fit, &model.names(&base.fit));
+    if components.is_empty() {
+        return Ok(None);
+    }
+    let shares = components.iter().map(|component| component.share).collect();
+    Ok(with_descriptions(bench, model, base, components)?.map(|with| (with, shares)))
+}
+
+/// Whether the held-out error falls by more than next to nothing.
+fn falls(before: &Fitted, after: &Fitted) -> bool {
+    lower_percent(before, after).is_some_and(|percent| percent >= LEAST_FALL)
+}
+
+/// Ratio of the noise of a fit to that of another.
+fn noise_ratio(fit: &CalibratedCamera, other: &CalibratedCamera) -> f64 {
+    let [noise, of_other] = [fit, other].map(|fit| fit.noise.depth.sigma(TYPICAL_INVERSE_DEPTH));
+    noise / of_other
+}
+
+/// Inverse depth at which noise is compared, 1/mm.
 const TYPICAL_INVERSE_DEPTH: f64 = 1e-3;
 /// Share of the squared residuals that a function explains, from which on it is explained: names of less would be chance.
 const LEAST_NAMED: f64 = 0.02;
@@ -312,15 +352,14 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
             Err(error) => info!("additive: {name}: {error}"),
         }
     }
+    let Some(function) = function else { return Ok(None) };
     let taken = without.names(&reduced.fit);
-    let Search::Found(discovery) = bench.discover(&reduced.fit, Chance::Complete(&fitted.fit), &examination, &taken)
-    else {
+    let Search::Found(discovery) = bench.formula_of(&function.covariates, &reduced.fit, &examination, &taken) else {
         return Ok(None);
     };
     let name = discovery.effect.text();
-    let is_own = function.is_some_and(|function| function.effect.covariates() == discovery.effect.covariates());
     let formula = with_formula(bench, &without, &reduced, *discovery);
-    let formula = formula.filter(|(_, named)| says_as_much(&reduced, fitted, named, (&name, is_own)));
+    let formula = formula.filter(|(_, named)| says_as_much(&reduced, fitted, named, (&name, true)));
     Ok(formula.map(|(model, named)| (in_place(model, place), named)))
 }
 

@@ -81,6 +81,15 @@ pub(super) trait Bench {
         taken: &[String],
     ) -> Search;
 
+    /// A formula of some covariates, of which a function is known to explain what a fit leaves.
+    fn formula_of(
+        &self,
+        covariates: &[String],
+        fit: &CalibratedCamera,
+        examination: &Examination,
+        taken: &[String],
+    ) -> Search;
+
     /// The functions that what a fit leaves depends on, each certain given all others, with none of the names `taken`.
     fn components(&self, fit: &CalibratedCamera, taken: &[String]) -> Vec<Component>;
 

@@ -181,6 +181,17 @@ impl Bench for OnFrames<'_> {
         let verify = self.verify_under(fit);
         discovery::search(fit, chance, verify.as_ref(), examination, taken, self.thresholds())
     }
+
+    fn formula_of(
+        &self,
+        covariates: &[String],
+        fit: &CalibratedCamera,
+        examination: &Examination,
+        taken: &[String],
+    ) -> Search {
+        let verify = self.verify_under(fit);
+        discovery::search_of(covariates, fit, verify.as_ref(), examination, taken, self.thresholds())
+    }
 }
 
 #[cfg(all(test, feature = "simulate"))]

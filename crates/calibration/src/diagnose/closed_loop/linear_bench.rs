@@ -275,6 +275,10 @@ impl Bench for LinearBench {
             false => Search::Nothing(Refused { reason: "no term".to_owned(), together: None }),
         }
     }
+
+    fn formula_of(&self, _: &[String], fit: &CalibratedCamera, examination: &Examination, taken: &[String]) -> Search {
+        self.discover(fit, Chance::Residuals, examination, taken)
+    }
 }
 
 fn no_frames<F>() -> CameraFrames<F> {

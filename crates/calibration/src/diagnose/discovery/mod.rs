@@ -33,7 +33,7 @@ mod null_tests;
 
 use std::cell::OnceCell;
 
-use depthcal_formula::FormulaEffect;
+use depthcal_formula::{FormulaCovariate, FormulaEffect};
 use depthcal_io::DiagnosisPlace;
 use depthcal_model::Options;
 use tracing::{debug, info};
@@ -48,10 +48,10 @@ use self::free::{gain_of_free_function, without_free_function};
 use self::observations::Observations;
 use self::places::places_not_told_apart;
 use self::screened::Screened;
-use self::screening::{screen, screen_products};
+use self::screening::{screen, screen_products, screen_singles};
 use self::selection::{Judged, best_extended, by_merit, choose, compared, compared_of_set};
 use self::significance::{Stability, p_value};
-use self::term::Term;
+use self::term::{Term, family};
 pub use self::which_covariates::CovariateSet;
 use self::which_covariates::which_covariates;
 use super::examination::Examination;
@@ -136,6 +136,36 @@ pub fn search(
             search_among(&all, complete.as_ref(), given).1
         }
         outcome => outcome,
+    }
+}
+
+/// Searches a formula of covariates of which a function is known to explain what a fit leaves. Otherwise as [`search`].
+pub fn search_of(
+    covariates: &[String],
+    fit: &CalibratedCamera,
+    verify: Option<&CalibratedCamera>,
+    examination: &Examination,
+    taken: &[String],
+    thresholds: &Thresholds,
+) -> Search {
+    let nothing = |reason: String| Search::Nothing(Refused { reason, together: None });
+    let Some(observed) = Observations::of(fit) else { return nothing("the frames cannot be evaluated".to_owned()) };
+    if observed.frames.len() < thresholds.least_frames_for_formulas {
+        return nothing("there are too few frames".to_owned());
+    }
+    let families = covariates.iter().filter_map(|name| FormulaCovariate::of(name)).map(family).collect();
+    let set = CovariateSet { covariates: families, p_value: 0.0, stability: 1.0, share_of_cost: 1.0 };
+    let given = Given { examination, taken, without_best: false, thresholds };
+    let mut all = AllFrames::new(observed.with_set_aside(verify.and_then(Observations::of)));
+    loop {
+        let searched = all.observations.searched();
+        let screened = screen_singles(&searched, &set.covariates);
+        let chosen = chosen_of_set(&searched, &screened, &set, thresholds);
+        match chosen.and_then(|chosen| discovery(&all, chosen, given)) {
+            Ok(found) => return Search::Found(Box::new(found)),
+            Err(reason) if verify.is_some() || all.are_all_searched() => return nothing(reason),
+            Err(_) => all.search_all(),
+        }
     }
 }
 

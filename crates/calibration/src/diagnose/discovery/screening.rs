@@ -1,11 +1,12 @@
 //! The scores of all terms of the library: thousands of columns against rows that exist.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::chain::POSE;
 use depthcal_model::{Of, On};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::library::{Density, Function, factors, functions};
@@ -42,12 +43,8 @@ pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
             let spans: Vec<_> = covariates.iter().filter_map(|c| Some((*c, observations.span(*c, of)?))).collect();
             let mut screened: Vec<Screened> = Vec::new();
             for (c, span) in &spans {
-                // Columns of one covariate at a time: those of all would be the largest table of a diagnosis.
-                let alone = Columns::of(observations, of, functions(*c, *span, Density::Fine));
-                let takes_part = vec![true; alone.functions.len()];
-                let jobs =
-                    On::ALL.map(|on| Job { of, on, factor: None, takes_part: takes_part.clone(), columns: &alone });
-                screened.par_extend(jobs.par_iter().flat_map_iter(|job| job.scores(observations, &groups, &of_shared)));
+                let functions = functions(*c, *span, Density::Fine);
+                screened.extend(screen_functions(observations, of, functions, &groups, &of_shared));
             }
             let of_all = spans.iter().flat_map(|(c, span)| functions(*c, *span, Density::Coarse)).collect();
             let multiplied = Columns::of(observations, of, of_all);
@@ -75,6 +72,39 @@ pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
             screened
         })
         .collect()
+}
+
+/// The functions of single covariates of some families, with their scores.
+pub(super) fn screen_singles(observations: &Observations, families: &BTreeSet<C>) -> Vec<Screened> {
+    let Some(of_shared) = observations.shared_hessian().cholesky() else { return Vec::new() };
+    let groups = Groups::of(observations);
+    let covariates = observations.with_quantities(&COVARIATES);
+    let of_families: Vec<C> = covariates.into_iter().filter(|c| families.contains(&family(*c))).collect();
+    let mut screened = Vec::new();
+    for of in Of::ALL {
+        for covariate in &of_families {
+            if let Some(span) = observations.span(*covariate, of) {
+                let functions = functions(*covariate, span, Density::Fine);
+                screened.extend(screen_functions(observations, of, functions, &groups, &of_shared));
+            }
+        }
+    }
+    screened
+}
+
+/// Functions of one covariate, alone and in all forms. Those of one covariate at a time: columns of all would be the largest
+/// table of a diagnosis.
+fn screen_functions(
+    observations: &Observations,
+    of: Of,
+    functions: Vec<Function>,
+    groups: &Groups,
+    of_shared: &Cholesky<f64, Dyn>,
+) -> Vec<Screened> {
+    let columns = Columns::of(observations, of, functions);
+    let takes_part = vec![true; columns.functions.len()];
+    let jobs = On::ALL.map(|on| Job { of, on, factor: None, takes_part: takes_part.clone(), columns: &columns });
+    jobs.par_iter().flat_map_iter(|job| job.scores(observations, groups, of_shared)).collect()
 }
 
 /// Products of functions of two covariates, all with their scores: any function of one times any of the other, one of them a wave
@@ -148,12 +178,7 @@ impl Columns {
 
 impl Job<'_> {
     /// The scores of its products.
-    fn scores(
-        &self,
-        observations: &Observations,
-        groups: &Groups,
-        of_shared: &nalgebra::Cholesky<f64, nalgebra::Dyn>,
-    ) -> Vec<Screened> {
+    fn scores(&self, observations: &Observations, groups: &Groups, of_shared: &Cholesky<f64, Dyn>) -> Vec<Screened> {
         let frames: Vec<WeightedRows> = observations.frames.iter().map(|frame| frame.weighted(self)).collect();
         let mut screened = Vec::new();
         let mut first = 0;
@@ -279,7 +304,7 @@ impl Job<'_> {
         observations: &Observations,
         frames: &[WeightedRows],
         groups: &Groups,
-        of_shared: &nalgebra::Cholesky<f64, nalgebra::Dyn>,
+        of_shared: &Cholesky<f64, Dyn>,
     ) -> Vec<Screened> {
         let shared = observations.shared;
         let first_column = self.columns.starts[run.start];

@@ -14,19 +14,22 @@ use super::dictionary::{Dictionary, Function};
 use super::spline_formula::{Part, formula};
 
 /// Multiples of the usual number of basis functions that are compared.
-const FINER: [usize; 2] = [1, 2];
+const FINER: [usize; 2] = [1, FINEST];
+/// The largest of them.
+pub(super) const FINEST: usize = 2;
 /// Fall of the cost ½ Σ r² of left-out frames per sample that a finer spline has to bring: a hundredth of what noise leaves.
 const LEAST_GAIN_PER_SAMPLE: f64 = 0.005;
 
-/// The formulas that describe the functions that were found, those of `dictionary`, or why there is none. `taken` are names of
+/// The formulas that describe functions that were found, those of the dictionary, or why there is none. `taken` are names of
 /// pieces.
 pub(super) fn descriptions(
     observations: &Observations,
+    dictionary: &Dictionary,
     found: &[Found],
     taken: &[String],
 ) -> Vec<Result<Discovery, String>> {
     let worth = LEAST_GAIN_PER_SAMPLE * observations.samples().count() as f64;
-    let dictionaries = FINER.map(|finer| Dictionary::of(observations, finer));
+    let dictionaries = FINER.map(|finer| dictionary.finer(finer));
     let models = dictionaries.each_ref().map(|dictionary| dictionary.model(observations));
     let mut best: Option<(usize, Strengths<'_>)> = None;
     for (number, model) in models.iter().enumerate() {

@@ -6,7 +6,7 @@ use std::iter::once;
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_io::DiagnosisSearched;
 use depthcal_model::{Of, On};
-use depthcal_solver::additive::{Additive, Axis, CUBIC, Cluster, Group, Table};
+use depthcal_solver::additive::{Additive, Axis, CUBIC, Cluster, Found, Group, Table};
 use nalgebra::DMatrix;
 
 use super::super::observations::{FrameRows, Observations, Sample};
@@ -18,21 +18,27 @@ const COVARIATES: [(C, usize); 8] = [
     (C::Y, 16),
     (C::R, 16),
     (C::Z, 24),
-    (C::Incidence, 6),
-    (C::Amplitude, 10),
-    (C::Time, 6),
-    (C::Temperature, 5),
+    (C::Incidence, 8),
+    (C::Amplitude, 16),
+    (C::Time, 8),
+    (C::Temperature, 6),
 ];
 /// Covariates that functions are multiplied with.
 const FACTORS: [C; 5] = [C::X, C::Y, C::R, C::Time, C::Temperature];
 /// Basis functions of functions of quantities that users record.
 const OF_QUANTITIES: usize = 6;
-/// Pairs of covariates whose functions are no products of a function of one and the other, and the number of their basis
-/// functions along each.
-const PAIRS: [[C; 2]; 4] = [[C::X, C::Y], [C::R, C::Z], [C::X, C::Z], [C::Y, C::Z]];
-const OF_PAIRS: usize = 7;
-/// Most basis functions along each: formulas have a limit of parameters.
+/// Most basis functions of functions of pairs along each.
+const OF_PAIRS: usize = 6;
+/// … where they are finer, and of functions of one covariate: formulas have a limit of parameters.
 const MOST_OF_PAIRS: usize = 9;
+const MOST_OF_ONE: usize = 45;
+/// Most parameters of a formula.
+const MOST_PARAMETERS: usize = 96;
+/// Form in which functions of two covariates are compared: those of the other forms differ by a power of depth.
+const FORM_OF_PAIRS: On = On::Factor;
+/// Most quantities that users record of which there are functions of pairs.
+const PAIRED_QUANTITIES: usize = 2;
+
 /// A covariate in a place, cut into basis functions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Smooth {
@@ -52,8 +58,8 @@ pub(super) struct Function {
     pub on: On,
 }
 
-/// All functions, in the order of the groups of their [`Additive`] model.
-#[derive(Debug)]
+/// Functions, in the order of the groups of their [`Additive`] model.
+#[derive(Debug, Clone)]
 pub(super) struct Dictionary {
     /// Covariates by the numbers that they have in the model.
     covariates: Vec<C>,
@@ -82,6 +88,13 @@ impl Smooth {
 }
 
 impl Function {
+    /// A function of two covariates in the form in which these are compared.
+    fn compared(splines: Vec<Smooth>, factor: Option<(C, f64)>) -> Self {
+        let forms = Dictionary::forms(&splines);
+        let on = if forms.contains(&FORM_OF_PAIRS) { FORM_OF_PAIRS } else { forms[0] };
+        Self { of: splines.first().map_or(Of::True, |smooth| smooth.of), on, splines, factor }
+    }
+
     /// Its covariates.
     fn covariates(&self) -> BTreeSet<C> {
         let of_function: BTreeSet<C> =
@@ -116,13 +129,13 @@ fn factor_at((covariate, mean): (C, f64), sample: &Sample) -> f64 {
 }
 
 impl Dictionary {
-    /// The functions of the covariates that vary in the observations, with so many times the usual basis functions.
-    pub fn of(observations: &Observations, finer: usize) -> Self {
+    /// The functions of one covariate that varies in the observations, alone or times another, and those of two. Products with
+    /// another covariate are finer than functions of two, and show less by their fewer parameters.
+    pub fn of(observations: &Observations) -> Self {
         let smooth_of = |covariate: C, of: Of, count: usize| {
             let span = observations.span(covariate, of)?;
-            let spans = (count - CUBIC) * finer;
             let [low, high] = [span.low, span.high].map(|end| scaled(covariate, end));
-            let axis = Axis { low, high, count: spans + CUBIC, degree: CUBIC };
+            let axis = Axis { low, high, count, degree: CUBIC };
             (axis.high > axis.low).then_some(Smooth { covariate, of, axis })
         };
         let mut smooth: Vec<Smooth> =
@@ -138,9 +151,70 @@ impl Dictionary {
         let factors: Vec<(C, f64)> = FACTORS.iter().chain(&quantities).filter(varies).map(|c| (*c, mean(*c))).collect();
         let covariates = COVARIATES.iter().map(|(covariate, _)| *covariate).chain(quantities).collect();
         let mut dictionary = Self { covariates, smooth, factors, functions: Vec::new() };
-        dictionary.add_functions();
-        dictionary.add_pairs(((OF_PAIRS - CUBIC) * finer + CUBIC).min(MOST_OF_PAIRS));
+        for smooth in once(None).chain(dictionary.smooth.clone().into_iter().map(Some)) {
+            dictionary.add_functions(smooth, None);
+            for factor in dictionary.factors.clone() {
+                if smooth.is_none_or(|smooth| smooth.covariate != factor.0) {
+                    dictionary.functions.push(Function::compared(smooth.into_iter().collect(), Some(factor)));
+                }
+            }
+        }
+        let functions = dictionary.pairs().into_iter().map(|splines| Function::compared(splines.to_vec(), None));
+        dictionary.functions.extend(functions.collect::<Vec<_>>());
         dictionary
+    }
+
+    /// The pairs of covariates of which there are functions of two.
+    fn pairs(&self) -> Vec<[Smooth; 2]> {
+        let quantities = self.covariates.iter().filter(|c| matches!(c, C::Quantity(_)));
+        let unpaired: Vec<C> = quantities.skip(PAIRED_QUANTITIES).copied().collect();
+        let takes_part = |smooth: &&Smooth| smooth.of == Of::True && !unpaired.contains(&smooth.covariate);
+        let coarse = |smooth: &Smooth| {
+            let count = smooth.axis.count.min(OF_PAIRS);
+            Smooth { axis: Axis { count, ..smooth.axis }, ..*smooth }
+        };
+        let smooth: Vec<Smooth> = self.smooth.iter().filter(takes_part).map(coarse).collect();
+        let pairs = smooth.iter().enumerate().flat_map(|(place, a)| smooth[place + 1..].iter().map(|b| [*a, *b]));
+        // Radius is a function of x and y.
+        let is_new = |[a, b]: &[Smooth; 2]| ![[C::X, C::R], [C::Y, C::R]].contains(&[a.covariate, b.covariate]);
+        pairs.filter(is_new).collect()
+    }
+
+    /// Functions of it, by their numbers, and then those that may take their places: finer ones and those of other forms; for a
+    /// function of two covariates also products of a function of one with the other, and functions of each alone.
+    pub fn with_alternatives(&self, functions: &[usize]) -> Self {
+        let functions: Vec<Function> =
+            functions.iter().filter_map(|number| self.functions.get(*number).cloned()).collect();
+        let mut all = Self { functions: functions.clone(), ..self.clone() };
+        all.functions.extend(all.finer(2).functions);
+        let singly = |covariate: C| self.smooth.iter().find(|smooth| smooth.covariate == covariate).copied();
+        for function in &functions {
+            let forms = Self::forms(&function.splines).iter();
+            all.functions.extend(forms.map(|on| Function { on: *on, ..function.clone() }));
+            if let [a, b] = &function.splines[..] {
+                for (along, across) in [(a, b), (b, a)] {
+                    let Some(smooth) = singly(along.covariate) else { continue };
+                    all.add_functions(Some(smooth), None);
+                    let factor = self.factors.iter().find(|(covariate, _)| *covariate == across.covariate);
+                    factor.into_iter().for_each(|factor| all.add_functions(Some(smooth), Some(*factor)));
+                }
+            }
+        }
+        let mut seen = BTreeSet::new();
+        all.functions.retain(|function| seen.insert((function.words(), function.count())));
+        all
+    }
+
+    /// Its functions with so many times as many pieces.
+    pub fn finer(&self, times: usize) -> Self {
+        let mut finer = self.clone();
+        for function in &mut finer.functions {
+            let most = if function.splines.len() > 1 { MOST_OF_PAIRS } else { MOST_OF_ONE };
+            for Smooth { axis, .. } in &mut function.splines {
+                axis.count = ((axis.count - CUBIC) * times + CUBIC).min(most.max(axis.count));
+            }
+        }
+        finer
     }
 
     /// Its functions by the names of their covariates.
@@ -148,14 +222,33 @@ impl Dictionary {
         let name = |covariate: &C| covariate.name().to_owned();
         let has = |covariate: &C| self.smooth.iter().any(|smooth| smooth.covariate == *covariate);
         let (functions_of, unknown): (Vec<C>, Vec<C>) = self.covariates.iter().copied().partition(has);
-        let mut pairs: Vec<&[C; 2]> = PAIRS.iter().filter(|pair| pair.iter().all(has)).collect();
-        pairs.sort_by_key(|pair| pair.map(|covariate| self.number(covariate)));
         DiagnosisSearched {
             functions_of: functions_of.iter().map(name).collect(),
             times: self.factors.iter().map(|(covariate, _)| name(covariate)).collect(),
-            functions_of_pairs: pairs.iter().map(|pair| [name(&pair[0]), name(&pair[1])]).collect(),
+            functions_of_pairs: self.pairs().iter().map(|pair| pair.map(|smooth| name(&smooth.covariate))).collect(),
             unknown: unknown.iter().map(name).collect(),
         }
+    }
+
+    /// Functions that were found, each with as many groups as one formula can have.
+    pub fn within_formulas(&self, found: Vec<Found>) -> Vec<Found> {
+        let count = |group: &usize| self.functions.get(*group).map_or(0, Function::count);
+        let divided = |function: Found| {
+            let mut parts: Vec<Vec<usize>> = vec![Vec::new()];
+            for group in &function.groups {
+                let last = parts.len() - 1;
+                if !parts[last].is_empty()
+                    && parts[last].iter().chain([group]).map(count).sum::<usize>() > MOST_PARAMETERS
+                {
+                    parts.push(Vec::new());
+                }
+                let last = parts.len() - 1;
+                parts[last].push(*group);
+            }
+            let share = function.share / parts.len() as f64;
+            parts.into_iter().map(move |groups| Found { groups, share, ..function.clone() })
+        };
+        found.into_iter().flat_map(divided).collect()
     }
 
     /// The number of a covariate in the model.
@@ -173,40 +266,11 @@ impl Dictionary {
         if splines.iter().any(|smooth| smooth.covariate == C::Z) { &[On::InverseDepth] } else { &On::ALL }
     }
 
-    fn add_functions(&mut self) {
-        let factors: Vec<Option<(C, f64)>> = once(None).chain(self.factors.iter().copied().map(Some)).collect();
-        for smooth in once(None).chain(self.smooth.iter().copied().map(Some)) {
-            for factor in &factors {
-                if smooth.is_some_and(|s| factor.is_some_and(|(c, _)| c == s.covariate)) {
-                    continue;
-                }
-                let splines: Vec<Smooth> = smooth.into_iter().collect();
-                let function = |on: &On| Function {
-                    splines: splines.clone(),
-                    factor: *factor,
-                    of: smooth.map_or(Of::True, |s| s.of),
-                    on: *on,
-                };
-                self.functions.extend(Self::forms(&splines).iter().map(function));
-            }
-        }
-    }
-
-    fn add_pairs(&mut self, count: usize) {
-        let spline = |covariate: C| {
-            let smooth = self.smooth.iter().find(|smooth| smooth.covariate == covariate)?;
-            Some(Smooth { axis: Axis { count, ..smooth.axis }, ..*smooth })
-        };
-        for [a, b] in PAIRS {
-            let Some(splines) = spline(a).zip(spline(b)).map(|(a, b)| vec![a, b]) else { continue };
-            let forms = Self::forms(&splines).iter();
-            self.functions.extend(forms.map(|on| Function {
-                splines: splines.clone(),
-                factor: None,
-                of: Of::True,
-                on: *on,
-            }));
-        }
+    /// Adds a function of one covariate, or a constant, times a factor in all forms.
+    fn add_functions(&mut self, smooth: Option<Smooth>, factor: Option<(C, f64)>) {
+        let function = Function::compared(smooth.into_iter().collect(), factor);
+        let forms = Self::forms(&function.splines).iter();
+        self.functions.extend(forms.map(|on| Function { on: *on, ..function.clone() }));
     }
 
     /// The column of a factor's weights in a place and form.

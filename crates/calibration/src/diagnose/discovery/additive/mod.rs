@@ -13,10 +13,10 @@ mod tests;
 use depthcal_io::DiagnosisSearched;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera, Register};
-use depthcal_solver::additive::{Found, search};
+use depthcal_solver::additive::{Found, certain, grown};
 use tracing::info;
 
-use self::description::descriptions;
+use self::description::{FINEST, descriptions};
 use self::dictionary::Dictionary;
 use super::discovered::Discovery;
 use super::observations::Observations;
@@ -65,19 +65,39 @@ pub fn additive_components(fit: &CalibratedCamera, register: &Register, taken: &
 
 /// The functions that are searched in the residuals of a fit; `None` where the frames cannot be evaluated.
 pub fn searched(fit: &CalibratedCamera) -> Option<DiagnosisSearched> {
-    Observations::thinned(fit, SAMPLES_OF_SPANS).map(|observations| Dictionary::of(&observations, 1).searched())
+    Observations::thinned(fit, SAMPLES_OF_SPANS).map(|observations| Dictionary::of(&observations).searched())
+}
+
+/// The functions that residuals depend on, with their dictionary: those of the sets that explain most, compared with others
+/// that say as much.
+fn functions_of(observations: &Observations) -> (Dictionary, Vec<Found>) {
+    let dictionary = Dictionary::of(observations);
+    let sets = grown(&dictionary.model(observations));
+    let compared = sets.iter().map(|set| {
+        let alternatives = dictionary.with_alternatives(set);
+        let known: Vec<usize> = (0..set.len()).collect();
+        let (functions, gain) = certain(&alternatives.model(observations), &known);
+        (alternatives, functions, gain)
+    });
+    let best = compared.max_by(|a, b| a.2.total_cmp(&b.2));
+    match best {
+        Some((alternatives, functions, _)) => {
+            let functions = alternatives.finer(FINEST).within_formulas(functions);
+            (alternatives, functions)
+        }
+        None => (dictionary, Vec::new()),
+    }
 }
 
 /// The functions that residuals depend on, described by formulas.
 fn described(observations: &Observations, taken: &[String]) -> Vec<Component> {
-    let dictionary = Dictionary::of(observations, 1);
-    let functions = search(&dictionary.model(observations));
+    let (dictionary, functions) = functions_of(observations);
     if functions.is_empty() {
         return Vec::new();
     }
     let mut components = Vec::new();
     for (Found { covariates, share, .. }, description) in
-        functions.iter().zip(descriptions(observations, &functions, taken))
+        functions.iter().zip(descriptions(observations, &dictionary, &functions, taken))
     {
         let names: Vec<&str> = dictionary.covariates_of(covariates).iter().map(|c| c.name()).collect();
         match description {

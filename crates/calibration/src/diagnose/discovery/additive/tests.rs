@@ -86,6 +86,16 @@ fn two_functions_are_found_together() {
     assert_eq!(sets, expected);
 }
 
+/// Neither function changes evenly, so that no product of one with the other covariate is the same; none of them is seen alone.
+#[test]
+fn a_product_of_two_functions_is_a_function_of_both() {
+    let bump = |x: f64| (-(x / 0.25).powi(2)).exp() - 0.5;
+    let wave = |z: f64| (2.0 * std::f64::consts::PI * z / 1800.0).sin();
+    let components = described(&observations(3, |ray, z| 8.0 * bump(ray[0]) * wave(z)), &[]);
+    assert_eq!(covariates(&components), [BTreeSet::from([C::X, C::Z])]);
+    assert_eq!(components[0].description.effect.name(), "found_x_z");
+}
+
 /// A name is taken already: another is found. The formula is a spline, and smooth.
 #[test]
 fn a_function_is_described_by_a_spline_with_a_name_of_its_own() {
