@@ -161,6 +161,7 @@ pub fn search_of(
         let searched = all.observations.searched();
         let screened = screen_singles(&searched, &set.covariates);
         let chosen = chosen_of_set(&searched, &screened, &set, thresholds);
+        let chosen = chosen.map(|chosen| with_rivals(&all, &searched, chosen, thresholds));
         match chosen.and_then(|chosen| discovery(&all, chosen, given)) {
             Ok(found) => return Search::Found(Box::new(found)),
             Err(reason) if verify.is_some() || all.are_all_searched() => return nothing(reason),
@@ -303,6 +304,20 @@ fn chosen_of_set(
     let terms = screened.len() + products.len();
     let (p_value, stability) = (set.p_value, set.stability);
     Ok(Chosen { judged: chosen, of_free_function, others: judged, exchanges: Vec::new(), p_value, stability, terms })
+}
+
+/// A term that was chosen among those of its covariates, with terms of others that predict nearly as well.
+fn with_rivals(frames: &AllFrames, searched: &Observations, mut chosen: Chosen, thresholds: &Thresholds) -> Chosen {
+    let Chosen { judged, of_free_function, .. } = &chosen;
+    if judged.gain() < thresholds.least_share_of_free_function * of_free_function {
+        return chosen;
+    }
+    let screened = screen(searched);
+    let rivals = compared(searched, &by_merit(&screened));
+    let terms: Vec<&Term> = rivals.iter().map(|rival| &rival.term).filter(|term| **term != judged.term).collect();
+    chosen.exchanges = exchanges(&frames.observations, &judged.term, &terms, thresholds);
+    chosen.others.extend(rivals);
+    chosen
 }
 
 /// The formula that is chosen of all screened terms, where its covariates are stable: in other frames it would have them too, or
