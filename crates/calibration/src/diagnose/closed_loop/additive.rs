@@ -146,7 +146,7 @@ fn explained(
     let explained = (before..).zip(&shares).filter(|(_, share)| **share >= LEAST_NAMED);
     // With the number of names when the function was last tried in vain: once another has a name, it may be explained.
     let mut functions: Vec<(usize, Option<usize>)> = explained.map(|(place, _)| (place, None)).collect();
-    let mut names = 0;
+    let (mut names, mut refuted) = (0, Vec::new());
     for _ in 0..NAMING_PASSES {
         let mut without_name = Vec::new();
         for (place, tried) in functions {
@@ -154,13 +154,22 @@ fn explained(
                 continue;
             }
             match named(bench, &state.memory, &described, place)? {
-                Some(named) => (described, names) = (named, names + 1),
-                None => without_name.push((place, Some(names))),
+                Naming::Named(named) => (described, names) = (*named, names + 1),
+                Naming::Refuted => refuted.push(place),
+                Naming::Nothing => without_name.push((place, Some(names))),
             }
         }
         functions = without_name;
     }
-    let (model, fitted) = described;
+    let (mut model, mut fitted) = described;
+    if !refuted.is_empty() {
+        refuted.sort_unstable();
+        model = refuted.into_iter().rev().fold(model, |model, place| model.without(place));
+        fitted = bench.fitted(&model.options(bench.declared()))?;
+        if !matches!(fitted.gain_over(task.incumbent, &model.added[before..], bench.thresholds()), Gain::Certain(_)) {
+            return Ok(None);
+        }
+    }
     let Revisited { model, present, removed, earlier } =
         without_needless(bench, model, fitted, before, false, examination.tests)?;
     let effects = model.specs_from(earlier);
@@ -313,16 +322,25 @@ fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> 
     Ok((model, fitted))
 }
 
-/// The model with an effect or a formula in the place of the function number `place`, given all others; `None` where neither
-/// explains as much.
-fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Result<Option<Model>, DiagnoseError> {
+/// What becomes of a function.
+enum Naming {
+    /// An effect or a formula that explains as much takes its place.
+    Named(Box<Model>),
+    /// Frames that the search has not seen do not have it.
+    Refuted,
+    /// Nothing explains as much.
+    Nothing,
+}
+
+/// The model with an effect or a formula in the place of the function number `place`, given all others.
+fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Result<Naming, DiagnoseError> {
     let (model, fitted) = with;
     let without = model.without(place);
     let reduced = match bench.fitted(&without.options(bench.declared())) {
         Ok(reduced) => reduced,
         Err(error) => {
             info!("additive: without {}: {error}", model.added[place].evidence.spec);
-            return Ok(None);
+            return Ok(Naming::Nothing);
         }
     };
     // What is missing is no noise.
@@ -346,21 +364,25 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
         let is_own = is_own(&effect.evidence.block);
         match bench.refined(without.clone().with(effect)) {
             Ok((model, named)) if says_as_much(&reduced, fitted, &named, (&name, is_own)) => {
-                return Ok(Some((in_place(model, place), named)));
+                return Ok(Naming::Named(Box::new((in_place(model, place), named))));
             }
             Ok(_) => {}
             Err(error) => info!("additive: {name}: {error}"),
         }
     }
-    let Some(function) = function else { return Ok(None) };
+    let Some(function) = function else { return Ok(Naming::Nothing) };
     let taken = without.names(&reduced.fit);
     let Search::Found(discovery) = bench.formula_of(&function.covariates, &reduced.fit, &examination, &taken) else {
-        return Ok(None);
+        return Ok(Naming::Nothing);
     };
+    if discovery.is_refuted() {
+        info!("additive: frames that the search has not seen do not have {}", discovery.effect.text());
+        return Ok(Naming::Refuted);
+    }
     let name = discovery.effect.text();
     let formula = with_formula(bench, &without, &reduced, *discovery);
     let formula = formula.filter(|(_, named)| says_as_much(&reduced, fitted, named, (&name, true)));
-    Ok(formula.map(|(model, named)| (in_place(model, place), named)))
+    Ok(formula.map_or(Naming::Nothing, |(model, named)| Naming::Named(Box::new((in_place(model, place), named)))))
 }
 
 /// The model with its last effect at number `place`.
