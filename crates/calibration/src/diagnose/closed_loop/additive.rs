@@ -322,7 +322,7 @@ fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> 
     Ok((model, fitted))
 }
 
-/// What becomes of a function.
+/// Outcome of naming a function.
 enum Naming {
     /// An effect or a formula that explains as much takes its place.
     Named(Box<Model>),
