@@ -54,3 +54,4 @@ pub use file::{FormulaFile, file_text};
 pub use function::FormulaFunction;
 
 pub use named_files::{NamedFileError, resolve, resolve_lens, resolve_model, values};
+pub use reader::MOST_PARAMETERS;

@@ -12,7 +12,7 @@ use crate::syntax::{Expression, Function, Position, SyntaxError, parse, underlin
 use crate::units::{Clash, Inference, Unit, check};
 
 /// Most parameters of a formula.
-const MOST_PARAMETERS: usize = 96;
+pub const MOST_PARAMETERS: usize = 96;
 /// The name of formulas that is a number.
 const PI: &str = "pi";
 

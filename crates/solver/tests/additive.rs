@@ -115,7 +115,7 @@ fn a_function_of_two_covariates_is_found() {
     assert!(slopes.iter().all(|d| *d < 0.35), "{differences:?}");
 }
 
-/// None of the three is certain alone, nor any two of them: what the others add is noise to each.
+/// Each is searched while the other two are still in the residuals.
 #[test]
 fn three_functions_are_found_together() {
     let product = |x: f64, w: f64| 0.6 * (2.0 * x).cos() * (3.0 * w).sin();

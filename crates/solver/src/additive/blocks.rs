@@ -121,25 +121,25 @@ impl Blocks {
         }
     }
 
-    /// All other groups by the fall of the cost of the clusters without the first block with them, given some members; the best
-    /// first.
+    /// The groups that are no members, sorted: first the one that, fitted with the members, lowers the cost most. The first block
+    /// takes no part.
     pub fn most_promising(&self, members: &[usize]) -> Vec<usize> {
-        let part = &self.left_out[0].fitted;
+        let fitted = &self.left_out[0].fitted;
         let columns: Vec<usize> = members.iter().flat_map(|g| self.ranges[*g].clone()).collect();
         let mut of_members = block_diagonal(members.iter().map(|g| &self.penalties[*g]));
-        of_members += part.product(&columns, &columns);
+        of_members += fitted.part(&columns, &columns);
         let Some(factor) = of_members.cholesky() else { return Vec::new() };
         let lower = factor.l();
         let solved = |matrix: &DMatrix<f64>| lower.solve_lower_triangular(matrix);
-        let Some(pull) = solved(&DMatrix::from_fn(columns.len(), 1, |i, _| part.gradient[columns[i]])) else {
+        let Some(pull) = solved(&DMatrix::from_fn(columns.len(), 1, |i, _| fitted.gradient[columns[i]])) else {
             return Vec::new();
         };
         let fall = |group: usize| {
             let of_group: Vec<usize> = self.ranges[group].clone().collect();
-            let cross = solved(&part.product(&columns, &of_group))?;
-            let mut left = &self.penalties[group] + part.product(&of_group, &of_group);
+            let cross = solved(&fitted.part(&columns, &of_group))?;
+            let mut left = &self.penalties[group] + fitted.part(&of_group, &of_group);
             left.gemm_tr(-1.0, &cross, &cross, 1.0);
-            let gradient = DVector::from_fn(of_group.len(), |i, _| part.gradient[of_group[i]]) - cross.tr_mul(&pull);
+            let gradient = DVector::from_fn(of_group.len(), |i, _| fitted.gradient[of_group[i]]) - cross.tr_mul(&pull);
             Some((group, gradient.dot(&left.cholesky()?.solve(&gradient))))
         };
         let others = self.tested.par_iter().copied().filter(|group| !members.contains(group));
@@ -158,19 +158,20 @@ impl Blocks {
 
 impl Quadratic {
     /// Some rows and columns of the matrix.
-    fn product(&self, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
-        DMatrix::from_fn(rows.len(), columns.len(), |i, j| f64::from(self.hessian[(rows[i], columns[j])]))
+    fn part(&self, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
+        let mut part = DMatrix::zeros(rows.len(), columns.len());
+        for (j, column) in columns.iter().enumerate() {
+            let of_column = self.hessian.column(*column);
+            (0..rows.len()).for_each(|i| part[(i, j)] = f64::from(of_column[rows[i]]));
+        }
+        part
     }
 }
 
 impl LeftOut {
     fn gain(&self, columns: &[usize], penalty: &DMatrix<f64>) -> f64 {
         let n = columns.len();
-        let mut hessian = penalty.clone();
-        for (j, column) in columns.iter().enumerate() {
-            let of_column = self.fitted.hessian.column(*column);
-            (0..n).for_each(|i| hessian[(i, j)] += f64::from(of_column[columns[i]]));
-        }
+        let hessian = self.fitted.part(columns, columns) + penalty;
         let Some(factor) = hessian.cholesky() else { return 0.0 };
         let step = factor.solve(&DVector::from_fn(n, |i, _| -self.fitted.gradient[columns[i]]));
         let mut change = 0.0;

@@ -22,7 +22,7 @@ const LEAST_GAIN_PER_ROW: f64 = 0.002;
 /// may be large by chance, but not that of most.
 const LEVEL: f64 = 0.01;
 const LEAST_SHARE: f64 = 0.6;
-/// Pairs from which the search starts, beside the best single group.
+/// The search starts from this many pairs of groups, those that gain most, and once from the best single group.
 const STARTS: usize = 3;
 /// Groups of one spline, and of two, whose gain is compared on left-out clusters as a further member: those that explain most of
 /// the other clusters.
@@ -96,7 +96,7 @@ pub fn certain(model: &Additive<'_>, members: &[usize]) -> (Vec<Found>, f64) {
 }
 
 impl Search<'_> {
-    /// The pairs that gain most, and the single group.
+    /// The pairs of groups that gain most, and the best single group.
     fn starts(&self) -> Vec<Vec<usize>> {
         let tested = &self.blocks.tested;
         let with = |place: usize| {

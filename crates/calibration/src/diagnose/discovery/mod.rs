@@ -114,11 +114,10 @@ pub fn search(
     taken: &[String],
     thresholds: &Thresholds,
 ) -> Search {
-    let nothing = |reason: &str| Search::Nothing(Refused { reason: reason.to_owned(), together: None });
-    let Some(observed) = Observations::of(fit) else { return nothing("the frames cannot be evaluated") };
-    if observed.frames.len() < thresholds.least_frames_for_formulas {
-        return nothing("there are too few frames");
-    }
+    let observed = match enough_frames(fit, thresholds) {
+        Ok(observed) => observed,
+        Err(reason) => return nothing(reason),
+    };
     let complete = if let Chance::Complete(fit) = chance { Observations::of(fit) } else { None };
     let without_best = matches!(chance, Chance::WithoutBest);
     let given = Given { examination, taken, without_best, thresholds };
@@ -148,11 +147,10 @@ pub fn search_of(
     taken: &[String],
     thresholds: &Thresholds,
 ) -> Search {
-    let nothing = |reason: String| Search::Nothing(Refused { reason, together: None });
-    let Some(observed) = Observations::of(fit) else { return nothing("the frames cannot be evaluated".to_owned()) };
-    if observed.frames.len() < thresholds.least_frames_for_formulas {
-        return nothing("there are too few frames".to_owned());
-    }
+    let observed = match enough_frames(fit, thresholds) {
+        Ok(observed) => observed,
+        Err(reason) => return nothing(reason),
+    };
     let families = covariates.iter().filter_map(|name| FormulaCovariate::of(name)).map(family).collect();
     let set = CovariateSet { covariates: families, p_value: 0.0, stability: 1.0, share_of_cost: 1.0 };
     let given = Given { examination, taken, without_best: false, thresholds };
@@ -168,6 +166,19 @@ pub fn search_of(
             Err(_) => all.search_all(),
         }
     }
+}
+
+fn nothing(reason: impl Into<String>) -> Search {
+    Search::Nothing(Refused { reason: reason.into(), together: None })
+}
+
+/// The observations of a fit, or why no formula is searched in them.
+fn enough_frames(fit: &CalibratedCamera, thresholds: &Thresholds) -> Result<Observations, &'static str> {
+    let observed = Observations::of(fit).ok_or("the frames cannot be evaluated")?;
+    if observed.frames.len() < thresholds.least_frames_for_formulas {
+        return Err("there are too few frames");
+    }
+    Ok(observed)
 }
 
 /// The frames of a search, those that are set aside among them.

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::iter::once;
 
-use depthcal_formula::FormulaCovariate as C;
+use depthcal_formula::{FormulaCovariate as C, MOST_PARAMETERS};
 use depthcal_io::DiagnosisSearched;
 use depthcal_model::{Of, On};
 use depthcal_solver::additive::{Additive, Axis, CUBIC, Cluster, Found, Group, Table};
@@ -32,8 +32,6 @@ const OF_PAIRS: usize = 6;
 /// … where they are finer, and of functions of one covariate: formulas have a limit of parameters.
 const MOST_OF_PAIRS: usize = 9;
 const MOST_OF_ONE: usize = 45;
-/// Most parameters of a formula.
-const MOST_PARAMETERS: usize = 96;
 /// Form in which functions of two covariates are compared: those of the other forms differ by a power of depth.
 const FORM_OF_PAIRS: On = On::Factor;
 /// Most quantities that users record of which there are functions of pairs.
@@ -152,10 +150,11 @@ impl Dictionary {
         let covariates = COVARIATES.iter().map(|(covariate, _)| *covariate).chain(quantities).collect();
         let mut dictionary = Self { covariates, smooth, factors, functions: Vec::new() };
         for smooth in once(None).chain(dictionary.smooth.clone().into_iter().map(Some)) {
-            dictionary.add_functions(smooth, None);
+            let splines: Vec<Smooth> = smooth.into_iter().collect();
+            dictionary.add_in_all_forms(&Function::compared(splines.clone(), None));
             for factor in dictionary.factors.clone() {
                 if smooth.is_none_or(|smooth| smooth.covariate != factor.0) {
-                    dictionary.functions.push(Function::compared(smooth.into_iter().collect(), Some(factor)));
+                    dictionary.functions.push(Function::compared(splines.clone(), Some(factor)));
                 }
             }
         }
@@ -189,14 +188,14 @@ impl Dictionary {
         all.functions.extend(all.finer(2).functions);
         let singly = |covariate: C| self.smooth.iter().find(|smooth| smooth.covariate == covariate).copied();
         for function in &functions {
-            let forms = Self::forms(&function.splines).iter();
-            all.functions.extend(forms.map(|on| Function { on: *on, ..function.clone() }));
+            all.add_in_all_forms(function);
             if let [a, b] = &function.splines[..] {
                 for (along, across) in [(a, b), (b, a)] {
                     let Some(smooth) = singly(along.covariate) else { continue };
-                    all.add_functions(Some(smooth), None);
-                    let factor = self.factors.iter().find(|(covariate, _)| *covariate == across.covariate);
-                    factor.into_iter().for_each(|factor| all.add_functions(Some(smooth), Some(*factor)));
+                    all.add_in_all_forms(&Function::compared(vec![smooth], None));
+                    if let Some(factor) = self.factors.iter().find(|(covariate, _)| *covariate == across.covariate) {
+                        all.add_in_all_forms(&Function::compared(vec![smooth], Some(*factor)));
+                    }
                 }
             }
         }
@@ -234,16 +233,13 @@ impl Dictionary {
     pub fn within_formulas(&self, found: Vec<Found>) -> Vec<Found> {
         let count = |group: &usize| self.functions.get(*group).map_or(0, Function::count);
         let divided = |function: Found| {
-            let mut parts: Vec<Vec<usize>> = vec![Vec::new()];
+            let mut parts: Vec<Vec<usize>> = Vec::new();
             for group in &function.groups {
-                let last = parts.len() - 1;
-                if !parts[last].is_empty()
-                    && parts[last].iter().chain([group]).map(count).sum::<usize>() > MOST_PARAMETERS
-                {
-                    parts.push(Vec::new());
+                let fits = |part: &Vec<usize>| part.iter().chain([group]).map(count).sum::<usize>() <= MOST_PARAMETERS;
+                match parts.last_mut().filter(|part| fits(part)) {
+                    Some(part) => part.push(*group),
+                    None => parts.push(vec![*group]),
                 }
-                let last = parts.len() - 1;
-                parts[last].push(*group);
             }
             let share = function.share / parts.len() as f64;
             parts.into_iter().map(move |groups| Found { groups, share, ..function.clone() })
@@ -266,9 +262,7 @@ impl Dictionary {
         if splines.iter().any(|smooth| smooth.covariate == C::Z) { &[On::InverseDepth] } else { &On::ALL }
     }
 
-    /// Adds a function of one covariate, or a constant, times a factor in all forms.
-    fn add_functions(&mut self, smooth: Option<Smooth>, factor: Option<(C, f64)>) {
-        let function = Function::compared(smooth.into_iter().collect(), factor);
+    fn add_in_all_forms(&mut self, function: &Function) {
         let forms = Self::forms(&function.splines).iter();
         self.functions.extend(forms.map(|on| Function { on: *on, ..function.clone() }));
     }
