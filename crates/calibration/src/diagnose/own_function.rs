@@ -3,6 +3,7 @@
 
 use std::iter::once;
 
+use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::{Block, Context, Of, On, PieceSpec, Register};
 use depthcal_solver::additive::{Axis, CUBIC};
 use depthcal_solver::score::ScoreError;
@@ -10,6 +11,7 @@ use depthcal_solver::score::ScoreError;
 use super::along::Along;
 use super::candidate_blocks::{CandidateBlock, linearize};
 use super::candidates::missing_effects;
+use super::discovery::Discovery;
 use super::evidence::{Evidence, difference};
 use super::free_functions::{FreeFunction, free_function};
 use super::merit::significant;
@@ -75,6 +77,20 @@ pub(super) fn own_covariate(block: &Block, states: &ObservedStates) -> Option<Al
     };
     let quantities = states.quantities().into_iter().map(Along::Quantity);
     COVARIATES.into_iter().chain(quantities).find(depends_on_it_alone).filter(|_| largest > 0.0)
+}
+
+/// Whether an effect and a found function depend on one covariate alone, the same.
+pub(super) fn is_of_its_covariate(block: &Block, states: &ObservedStates, function: &Discovery) -> bool {
+    let covariate = || Some((own_covariate(block, states)?, function.effect.covariates()));
+    match covariate() {
+        Some((Along::Depth, [C::Z]))
+        | Some((Along::Amplitude, [C::Amplitude]))
+        | Some((Along::Incidence, [C::Incidence]))
+        | Some((Along::Time, [C::Time]))
+        | Some((Along::Temperature, [C::Temperature])) => true,
+        Some((Along::Quantity(of_effect), [C::Quantity(quantity)])) => of_effect == *quantity,
+        _ => false,
+    }
 }
 
 /// The free function that an effect is compared with, over an image of `size` columns and rows; `None` for effects of several

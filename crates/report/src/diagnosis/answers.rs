@@ -19,6 +19,8 @@ use depthcal_statistics::quantile;
 
 /// Free functions are named if they lower the weighted residual by more than this, per cent.
 const WORTH_PERCENT: f64 = 0.5;
+/// Names of effects in the headline, about.
+const HEADLINE_NAMES: usize = 3;
 /// Most recommendations of captures on the first screen.
 const NEXT: usize = 3;
 
@@ -51,6 +53,16 @@ fn names<'a>(steps: &[&'a DiagnosisStep]) -> Vec<&'a str> {
     steps.iter().filter_map(|step| step.effects.first().map(String::as_str)).collect()
 }
 
+/// The first names, and how many more there are.
+fn join_some(names: &[&str]) -> String {
+    let more = names.len().saturating_sub(HEADLINE_NAMES);
+    // "One more" would be no shorter than its name.
+    if more < 2 {
+        return join(names);
+    }
+    format!("{} and {} more", names[..HEADLINE_NAMES].join(", "), count(more, "effect"))
+}
+
 /// The headline: depth error as measured, under the declared model, and under the last one.
 pub(crate) fn sentence(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
     let Some(change) = Pool::last(camera).depth_rms() else {
@@ -78,7 +90,7 @@ pub(crate) fn sentence(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> St
             "The depth error was {raw} mm rms as measured, relative to the board's pose. With {model} it is {} mm on held-out frames; with {} it is \
              {now} mm ({sure}).",
             number(declared),
-            join(&added)
+            join_some(&added)
         ),
     }
 }
@@ -168,7 +180,7 @@ fn place(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
 /// Significant effects in plain words, each with what a person can do about it.
 fn why(d: &ReportDiagnosis<'_>) -> String {
     let certain = d.steps_by_certainty(true);
-    let mut parts: Vec<String> = certain.iter().map(|step| cause(d, step)).collect();
+    let mut parts = causes(d, &certain);
     if parts.is_empty() {
         parts.push(match d.record.verdict {
             Verdict::Adequate => "The declared model describes it; no known effect is missing".to_owned(),
@@ -188,12 +200,24 @@ fn why(d: &ReportDiagnosis<'_>) -> String {
     sentences(&parts)
 }
 
-/// The cause that a step names, its size, and the remedy.
-fn cause(d: &ReportDiagnosis<'_>, step: &DiagnosisStep) -> String {
-    let name = step.effects.first().map_or("", String::as_str);
-    let size = if step.size_mm > 0.0 { format!(", {} rms", quantity(step.size_mm, "mm")) } else { String::new() };
-    let remedy = remedy(name).map_or_else(String::new, |words| format!(": {words}"));
-    format!("{} ({name}{size}){remedy}", summary(d.register, name))
+/// The causes that steps name, with their sizes and remedies. Functions without a known cause share a sentence.
+fn causes(d: &ReportDiagnosis<'_>, steps: &[&DiagnosisStep]) -> Vec<String> {
+    let mut causes: Vec<([&str; 2], Vec<String>)> = Vec::new();
+    for step in steps {
+        let name = step.effects.first().map_or("", String::as_str);
+        let size = if step.size_mm > 0.0 { format!(", {} rms", quantity(step.size_mm, "mm")) } else { String::new() };
+        let effect = format!("{name}{size}");
+        let cause = [summary(d.register, name), remedy(name).unwrap_or_default()];
+        match causes.iter_mut().find(|(words, _)| *words == cause) {
+            Some((_, effects)) => effects.push(effect),
+            None => causes.push((cause, vec![effect])),
+        }
+    }
+    let sentence = |([cause, remedy], effects): ([&str; 2], Vec<String>)| {
+        let remedy = if remedy.is_empty() { String::new() } else { format!(": {remedy}") };
+        format!("{cause} ({}){remedy}", effects.join("; "))
+    };
+    causes.into_iter().map(sentence).collect()
 }
 
 /// A change of the depth error: `16.5 % less (95 % interval 13.5 to 20.1 %)`.

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use depthcal_io::{
     CameraDiagnosis as CameraRecord, DeclaredValue, DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCovariate,
     DiagnosisDecision, DiagnosisDeclaration, DiagnosisFrame, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver,
-    FileReference, Verdict,
+    DiagnosisStep, FileReference, Verdict,
 };
 use depthcal_model::Register;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
@@ -141,7 +141,12 @@ fn the_verdict_is_short_and_says_everything_once() {
     unsure.steps.push(unsure.steps[0].clone());
     unsure.steps[1].effects = vec!["range_offset".to_owned()];
     unsure.steps[1].gain_percent = Some(depthcal_io::GainInterval { value: 1.0, low: -1.0, high: 3.0 });
-    for account in [&d.account, &unsure] {
+    let mut several = d.account.clone();
+    for name in ["board_bow", "found_r", "found_z", "found_amplitude", "found_x_time"] {
+        let step = DiagnosisStep { effects: vec![name.to_owned()], ..several.steps[0].clone() };
+        several.steps.push(step);
+    }
+    for account in [&d.account, &unsure, &several] {
         let html = d.render(account);
         let (_, verdict) = html.split_once("<p class=\"verdict\"").unwrap();
         let (verdict, after) = verdict.split_once("</a></p>").unwrap();
@@ -160,6 +165,11 @@ fn the_verdict_is_short_and_says_everything_once() {
         sentences.dedup();
         assert!(all > 5 && sentences.len() == all, "a sentence stands there twice: {first}");
     }
+    // Functions without a known cause have one sentence.
+    let html = d.render(&several);
+    let why = text_of(html.split_once("Why?").unwrap().1.split_once("What was added?").unwrap().0);
+    assert_eq!(why.matches("own (found_r").count(), 1, "{why}");
+    assert!(["found_z", "found_amplitude", "found_x_time"].iter().all(|name| why.contains(name)), "{why}");
     let html = d.render(&unsure);
     let (_, why) = html.split_once("Why?").unwrap();
     let (why, added) = why.split_once("What was added?").unwrap();

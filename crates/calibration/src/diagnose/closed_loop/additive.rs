@@ -4,43 +4,24 @@
 //! without names, and fitted. Then each is explained given all others, as a single missing effect would be: by an effect of the
 //! catalogue, by a formula, or by nothing. A function that nothing explains stays as the correction that it is.
 
-use depthcal_model::{Block, PieceSpec};
 use tracing::info;
 
-use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::decided::{Decided, decided};
-use super::formula::{evidence_of, with_formula};
-use super::lost_gain::{has_covariates_of, lost, says_as_much};
+use super::functions::{Model, Task, functions, lower_percent};
+use super::lost_gain::lost;
+use super::naming::{Naming, named};
 use super::proposal::Proposal;
 use super::revisit::{Revisited, without_needless};
 use super::state::{Accepted, Event, Memory, State};
-use super::trial::tried;
-use crate::adjust::blocks::is_depth_only;
-use crate::calibrate::{CalibrateError, CalibratedCamera};
+use super::trial::{fitted_with, tried};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::decision::Decision;
-use crate::diagnose::discovery::{Component, Search, effects_of_board};
 use crate::diagnose::error::DiagnoseError;
 use crate::diagnose::examination::Examination;
 use crate::diagnose::held_out::Gain;
-use crate::diagnose::merit::{merit, significant};
+use crate::diagnose::merit::merit;
 use crate::diagnose::round::RoundOutcome;
-use crate::judge::cross_validation::weighted_gain_percent;
-
-/// A model and its fit.
-type Model = (AugmentedModel, Fitted);
-
-/// Where an explanation starts, and the model that it has to be better than.
-struct Task<'a> {
-    /// The model whose residuals are explained.
-    model: &'a AugmentedModel,
-    base: &'a Fitted,
-    incumbent: &'a Fitted,
-}
-
-/// Searches with the noise that the functions of the last one leave: what is missing counts as noise before.
-const SEARCHES: usize = 4;
 
 /// The present model with explanations of all functions that its residuals depend on, where the held-out errors fall for certain
 /// with them.
@@ -54,13 +35,22 @@ pub(super) fn explained_together(
     examination: &Examination,
 ) -> Result<Event, DiagnoseError> {
     let State { model, present, .. } = state;
-    let task = Task { model, base: present, incumbent: present };
+    let task = Task { model, base: present, incumbent: present, before: model.added.len() };
     let with = match functions(bench, &task)? {
         None => None,
         Some(described) => match one_effect(bench, state, examination)? {
+            None => explained(bench, state, examination, &task, described)?,
             Some(alone) if says_all(present, &described.0.1, &alone.present) => Some(alone),
-            // Where the functions do not help, the effect does, which the next trial would find again.
-            alone => explained(bench, state, examination, &task, described)?.or(alone),
+            Some(alone) => {
+                // It may have made some of those before it needless.
+                let before = task.before.min(alone.model.added.len().saturating_sub(1));
+                let anew = Task { model: &alone.model, base: &alone.present, before, ..task };
+                match given(bench, state, examination, &anew, &described.0)? {
+                    Some(better) => Some(better),
+                    // Where the functions do not help, the effect does, which the next trial would find again.
+                    None => explained(bench, state, examination, &task, described)?.or(Some(alone)),
+                }
+            }
         },
     };
     Ok(Event::ExplainedTogether(with))
@@ -117,7 +107,7 @@ pub(super) fn explained_anew(
             }
         }
     };
-    let task = Task { model: &without, base: &base, incumbent: present };
+    let task = Task { model: &without, base: &base, incumbent: present, before: without.added.len() };
     let Some(described) = functions(bench, &task)? else { return Ok(None) };
     let explained = explained(bench, state, examination, &task, described)?;
     // Without what was needless it may be the present model again.
@@ -136,14 +126,15 @@ fn explained(
     task: &Task<'_>,
     (mut described, shares): (Model, Vec<f64>),
 ) -> Result<Option<Box<Accepted>>, DiagnoseError> {
-    let before = task.model.added.len();
-    let gain = described.1.gain_over(task.incumbent, &described.0.added[before..], bench.thresholds());
-    if !matches!(gain, Gain::Certain(_)) {
-        let percent = lower_percent(task.incumbent, &described.1).unwrap_or(f64::NAN);
+    let Task { incumbent, before, .. } = *task;
+    let first = task.model.added.len();
+    if !helps(bench, task, &described) {
+        let percent = lower_percent(incumbent, &described.1).unwrap_or(f64::NAN);
         info!("additive: the errors on left-out frames fall by {percent:.2} %, not for certain");
         return Ok(None);
     }
-    let explained = (before..).zip(&shares).filter(|(_, share)| **share >= LEAST_NAMED);
+    let mut memory = Memory { hidden: state.memory.hidden.clone(), ..Memory::default() };
+    let explained = (first..).zip(&shares).filter(|(_, share)| **share >= LEAST_NAMED);
     // With the number of names when the function was last tried in vain: once another has a name, it may be explained.
     let mut functions: Vec<(usize, Option<usize>)> = explained.map(|(place, _)| (place, None)).collect();
     let (mut names, mut refuted) = (0, Vec::new());
@@ -153,8 +144,16 @@ fn explained(
             if tried == Some(names) {
                 continue;
             }
-            match named(bench, &state.memory, &described, place)? {
+            match named(bench, &memory, &described, place)? {
                 Naming::Named(named) => (described, names) = (*named, names + 1),
+                Naming::Missing(effect) => {
+                    let name = effect.evidence.name.clone();
+                    if let Some(better) = given_missing(bench, state, examination, task, (*effect, &described))? {
+                        return Ok(Some(better));
+                    }
+                    memory.tried.rejected.push(name);
+                    without_name.push((place, None));
+                }
                 Naming::Refuted => refuted.push(place),
                 Naming::Nothing => without_name.push((place, Some(names))),
             }
@@ -166,7 +165,7 @@ fn explained(
         refuted.sort_unstable();
         model = refuted.into_iter().rev().fold(model, |model, place| model.without(place));
         fitted = bench.fitted(&model.options(bench.declared()))?;
-        if !matches!(fitted.gain_over(task.incumbent, &model.added[before..], bench.thresholds()), Gain::Certain(_)) {
+        if !matches!(fitted.gain_over(incumbent, &model.added[before..], bench.thresholds()), Gain::Certain(_)) {
             return Ok(None);
         }
     }
@@ -182,216 +181,57 @@ fn explained(
     Ok(Some(Box::new(Accepted { model, present, largest_share, outcome })))
 }
 
-/// The model of a task with the functions that its residuals depend on, and the share of the squared residuals that each
-/// explains. They are searched again with the noise that they leave as long as the held-out errors fall, and given those that
-/// were found, which are fitted better than a search can.
-fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
-    let Task { model, base, incumbent } = task;
-    bench.report("searching what the residuals depend on", &model.options(bench.declared()));
-    let mut noise = incumbent.fit.noise;
-    let mut described: Option<(Model, Vec<f64>)> = None;
-    for _ in 0..SEARCHES {
-        let fit = CalibratedCamera { noise, ..base.fit.clone() };
-        let searched = match functions_left(bench, (model, &fit), base)? {
-            Some((with, shares)) => Some((with_effects_of_board(bench, with)?, shares)),
-            None => None,
-        };
-        let better = searched.filter(|((_, with), _)| described.as_ref().is_none_or(|((_, b), _)| falls(b, with)));
-        let next = match (better, &described) {
-            (Some(better), _) => better,
-            (None, Some(before)) => match more_functions(bench, task, before)? {
-                Some(more) => more,
-                None => break,
-            },
-            (None, None) => break,
-        };
-        noise = next.0.1.fit.noise;
-        described = Some(next);
-    }
-    Ok(described)
+/// Whether the held-out errors fall for certain with the effects that a task has found.
+fn helps(bench: &impl Bench, task: &Task<'_>, (model, fitted): &Model) -> bool {
+    matches!(fitted.gain_over(task.incumbent, &model.added[task.before..], bench.thresholds()), Gain::Certain(_))
 }
 
-/// The functions of a task with those that a fit with them leaves, where the held-out errors fall for certain with these.
-fn more_functions(
+/// The model of a task with an effect that was missing, and with the functions that are left given it, explained.
+fn given_missing(
     bench: &impl Bench,
+    state: &State,
+    examination: &Examination,
     task: &Task<'_>,
-    ((model, fitted), shares): &(Model, Vec<f64>),
-) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
-    let before = model.added.len();
-    let Some(((with, better), more)) = functions_left(bench, (model, &fitted.fit), fitted)? else { return Ok(None) };
-    if !matches!(better.gain_over(fitted, &with.added[before..], bench.thresholds()), Gain::Certain(_)) {
+    (effect, described): (AddedEffect, &Model),
+) -> Result<Option<Box<Accepted>>, DiagnoseError> {
+    if task.model.added.len() >= task.before + MOST_MISSING {
         return Ok(None);
     }
-    // Effects of the board stand after the functions: they have no share.
-    let mut shares = shares.clone();
-    shares.resize(before - task.model.added.len(), 0.0);
-    let of_all = noise_ratio(&fitted.fit, &task.incumbent.fit).powi(2);
-    shares.extend(more.into_iter().map(|share| of_all * share));
-    Ok(Some(((with, better), shares)))
-}
-
-/// A model with the functions that a fit of it leaves, and the share of its squared residuals that each explains; `base` is the
-/// model without them. `None` where there are none, or where they cannot be fitted.
-fn functions_left(
-    bench: &impl Bench,
-    (model, fit): (&AugmentedModel, &CalibratedCamera),
-    base: &Fitted,
-) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
-    let components = bench.components(fit, &model.names(&base.fit));
-    if components.is_empty() {
-        return Ok(None);
-    }
-    let shares = components.iter().map(|component| component.share).collect();
-    Ok(with_descriptions(bench, model, base, components)?.map(|with| (with, shares)))
-}
-
-/// Whether the held-out error falls by more than next to nothing.
-fn falls(before: &Fitted, after: &Fitted) -> bool {
-    lower_percent(before, after).is_some_and(|percent| percent >= LEAST_FALL)
-}
-
-/// Ratio of the noise of a fit to that of another.
-fn noise_ratio(fit: &CalibratedCamera, other: &CalibratedCamera) -> f64 {
-    let [noise, of_other] = [fit, other].map(|fit| fit.noise.depth.sigma(TYPICAL_INVERSE_DEPTH));
-    noise / of_other
-}
-
-/// Inverse depth at which noise is compared, 1/mm.
-const TYPICAL_INVERSE_DEPTH: f64 = 1e-3;
-/// Share of the squared residuals that a function explains, from which on it is explained: names of less would be chance.
-const LEAST_NAMED: f64 = 0.02;
-/// Passes in which names are looked for, and effects of the catalogue that are tried for a function in each.
-const NAMING_PASSES: usize = 2;
-const MOST_NAMES: usize = 2;
-/// Least fall of the held-out error by a further search, per cent.
-const LEAST_FALL: f64 = 0.5;
-
-/// Fall of the held-out error of depth from one model to another, per cent, weighted by the noise of the latter.
-fn lower_percent(before: &Fitted, after: &Fitted) -> Option<f64> {
-    let [b, a] = [before, after].map(|fitted| &fitted.held_out.evaluated);
-    weighted_gain_percent(b, a, &after.fit.noise.depth).map(|gain| gain.value)
-}
-
-/// The model with the formulas that describe some components, fitted together; `None` where it cannot be fitted.
-fn with_descriptions(
-    bench: &impl Bench,
-    model: &AugmentedModel,
-    present: &Fitted,
-    components: Vec<Component>,
-) -> Result<Option<Model>, CalibrateError> {
-    let mut with = model.clone();
-    for Component { description, .. } in components {
-        let spec = description.effect.spec();
-        with.formulas.push(description);
-        let register = with.register(bench.declared());
-        let Some(evidence) = evidence_of(bench, &present.fit, &register, spec) else { return Ok(None) };
-        with = with.with(AddedEffect::alone(evidence, 0.0, present.held_out.clone()));
-    }
-    match bench.fitted(&with.options(bench.declared())) {
-        Ok(fitted) => Ok(Some((with, fitted))),
+    let spec = effect.evidence.spec.to_string();
+    match fitted_with(bench, task.model, effect) {
+        Ok((model, base)) => given(bench, state, examination, &Task { model: &model, base: &base, ..*task }, described),
         Err(error) => {
-            info!("additive: the functions cannot be fitted together: {error}");
+            info!("additive: given {spec}: {error}");
             Ok(None)
         }
     }
 }
 
-/// The model with those effects of the board that lower the held-out errors for certain: a bent board hides functions of depth,
-/// as these hide its shape.
-fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> Result<Model, CalibrateError> {
-    let names: Vec<&str> = effects_of_board(&bench.declared().register, &fitted.fit.camera).collect();
-    for name in names {
-        let register = model.register(bench.declared());
-        let evidence = evidence_of(bench, &fitted.fit, &register, PieceSpec::new(name));
-        let Some(evidence) = evidence.filter(|e| significant(e.p_value, 1, &e.gains, bench.thresholds())) else {
-            continue;
-        };
-        let p_value = evidence.p_value;
-        let with = model.clone().with(AddedEffect::alone(evidence, p_value, fitted.held_out.clone()));
-        let bent = match bench.fitted(&with.options(bench.declared())) {
-            Ok(bent) => bent,
-            Err(error) => {
-                info!("additive: with {name}: {error}");
-                continue;
-            }
-        };
-        if matches!(bent.gain_over(&fitted, &with.added[model.added.len()..], bench.thresholds()), Gain::Certain(_)) {
-            (model, fitted) = (with, bent);
-        }
+/// The model of a task that has an effect more, and with the functions that are left, explained: those that were found without
+/// the effect, `described`, may have taken up parts of it. `None` where the held-out errors are not lower.
+fn given(
+    bench: &impl Bench,
+    state: &State,
+    examination: &Examination,
+    task: &Task<'_>,
+    described: &Model,
+) -> Result<Option<Box<Accepted>>, DiagnoseError> {
+    let nothing = || ((task.model.clone(), task.base.clone()), Vec::new());
+    let (with, shares) = functions(bench, task)?.unwrap_or_else(nothing);
+    let percent = lower_percent(&described.1, &with.1);
+    info!("additive: given {:?}: {percent:?} %", task.model.specs_from(task.before));
+    if percent.is_none_or(|percent| percent <= 0.0) {
+        return Ok(None);
     }
-    Ok((model, fitted))
+    explained(bench, state, examination, task, (with, shares))
 }
 
-/// Outcome of naming a function.
-enum Naming {
-    /// An effect or a formula that explains as much takes its place.
-    Named(Box<Model>),
-    /// Frames that the search has not seen do not have it.
-    Refuted,
-    /// Nothing explains as much.
-    Nothing,
-}
-
-/// The model with an effect or a formula in the place of the function number `place`, given all others.
-fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Result<Naming, DiagnoseError> {
-    let (model, fitted) = with;
-    let without = model.without(place);
-    let reduced = match bench.fitted(&without.options(bench.declared())) {
-        Ok(reduced) => reduced,
-        Err(error) => {
-            info!("additive: without {}: {error}", model.added[place].evidence.spec);
-            return Ok(Naming::Nothing);
-        }
-    };
-    // What is missing is no noise.
-    let reduced = Fitted { fit: CalibratedCamera { noise: fitted.fit.noise, ..reduced.fit }, ..reduced };
-    bench.report("explaining a function of what is left", &without.options(bench.declared()));
-    let examination = bench.examine(&reduced.fit)?;
-    let function = model.formulas.iter().find(|f| f.effect.name() == model.added[place].evidence.name);
-    let is_own = |block: &Block| function.is_some_and(|function| has_covariates_of(block, function));
-    let mut tried = Memory { hidden: memory.hidden.clone(), ..Memory::default() };
-    for _ in 0..MOST_NAMES {
-        let Decided { decision, .. } = decided(&reduced.fit, &examination, &tried, bench.options())?;
-        let Decision::Add { effect, indistinguishable, .. } = &decision else { break };
-        let proposal = Proposal { effect: *effect, jointly_with: &[], indistinguishable };
-        let effect = proposal.effects(&examination, &reduced.held_out).swap_remove(0);
-        let name = effect.evidence.spec.to_string();
-        tried.tried.rejected.push(effect.evidence.name.clone());
-        // A function of depth is explained by an effect of depth.
-        if !is_depth_only(&effect.evidence.block) {
-            continue;
-        }
-        let is_own = is_own(&effect.evidence.block);
-        match bench.refined(without.clone().with(effect)) {
-            Ok((model, named)) if says_as_much(&reduced, fitted, &named, (&name, is_own)) => {
-                return Ok(Naming::Named(Box::new((in_place(model, place), named))));
-            }
-            Ok(_) => {}
-            Err(error) => info!("additive: {name}: {error}"),
-        }
-    }
-    let Some(function) = function else { return Ok(Naming::Nothing) };
-    let taken = without.names(&reduced.fit);
-    let Search::Found(discovery) = bench.formula_of(&function.covariates, &reduced.fit, &examination, &taken) else {
-        return Ok(Naming::Nothing);
-    };
-    if discovery.is_refuted() {
-        info!("additive: frames that the search has not seen do not have {}", discovery.effect.text());
-        return Ok(Naming::Refuted);
-    }
-    let name = discovery.effect.text();
-    let formula = with_formula(bench, &without, &reduced, *discovery);
-    let formula = formula.filter(|(_, named)| says_as_much(&reduced, fitted, named, (&name, true)));
-    Ok(formula.map_or(Naming::Nothing, |(model, named)| Naming::Named(Box::new((in_place(model, place), named)))))
-}
-
-/// The model with its last effect at number `place`.
-fn in_place(mut model: AugmentedModel, place: usize) -> AugmentedModel {
-    if let Some(last) = model.added.pop() {
-        model.added.insert(place, last);
-    }
-    model
-}
+/// Share of the squared residuals that a function explains, from which on it is explained: names of less would be chance.
+const LEAST_NAMED: f64 = 0.02;
+/// Passes in which names are looked for.
+const NAMING_PASSES: usize = 2;
+/// Missing effects given which functions are searched anew.
+const MOST_MISSING: usize = 3;
 
 #[cfg(test)]
 mod tests {
@@ -463,6 +303,26 @@ mod tests {
         bench.finds_formula = true;
         let accepted = together(&bench, &bench.state(&[])).unwrap();
         assert_eq!(names(&accepted), [FORMULA, FUNCTIONS[1]]);
+    }
+
+    /// The effect is no name of the function: it is there beside it.
+    #[test]
+    fn an_effect_that_says_more_than_all_functions_is_missing_beside_them() {
+        let (first, second) = (regressor(1), regressor(2));
+        let mut bench = LinearBench::new(&[(FUNCTIONS[0], 0.3, first), ("radial_range", 0.9, second)]);
+        bench.functions = vec![FUNCTIONS[0]];
+        assert_eq!(names(&together(&bench, &bench.state(&[])).unwrap()), [FUNCTIONS[0]]);
+        bench.proposes = Some("radial_range");
+        assert_eq!(names(&together(&bench, &bench.state(&[])).unwrap()), ["radial_range", FUNCTIONS[0]]);
+    }
+
+    /// It says as much as the function: it is its name.
+    #[test]
+    fn an_effect_that_says_as_much_takes_the_place_of_its_function() {
+        let mut bench = bench([0.6, 0.0]);
+        bench.functions = vec![FUNCTIONS[0]];
+        bench.proposes = Some("range_offset");
+        assert_eq!(names(&together(&bench, &bench.state(&[])).unwrap()), ["range_offset"]);
     }
 
     #[test]

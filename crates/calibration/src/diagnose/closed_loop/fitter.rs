@@ -2,9 +2,10 @@
 
 use std::cell::RefCell;
 
+use depthcal_model::hook::HookKind;
 use depthcal_model::{Modulation, PieceSpec, Register};
 use depthcal_solver::score::ScoreError;
-use tracing::info;
+use tracing::{debug, info};
 
 use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
@@ -87,6 +88,21 @@ impl Basis {
 }
 
 impl OnFrames<'_> {
+    /// Names of the effects by which the depth image seems to be displaced: they shift what depth depends on.
+    fn displacements(&self, fit: &CalibratedCamera) -> Vec<&'static str> {
+        let register = &self.declared().register;
+        let is_displacement =
+            |name: &&str| register.block(name, None).is_ok_and(|block| block.hook() == HookKind::Pixel);
+        let seems_there = |name: &&str| {
+            let test = test_effect(fit, register, &PieceSpec::new(*name));
+            let p_value = test.map_or(1.0, |test| test.score.clustered_p_value);
+            debug!("{name}: p = {p_value:.2e} by the scatter between frames");
+            p_value < self.thresholds().level
+        };
+        let missing = register.names().filter(|name| fit.camera.block(name).is_none());
+        missing.filter(is_displacement).filter(seems_there).collect()
+    }
+
     /// The frames that verify, sampled under the camera of a fit; `None` where there are none, or none that show depth.
     fn verify_under(&self, fit: &CalibratedCamera) -> Option<CalibratedCamera> {
         let sampled = sampled_under(fit, self.fitter.verify?, self.declared());
@@ -168,7 +184,8 @@ impl Bench for OnFrames<'_> {
     }
 
     fn components(&self, fit: &CalibratedCamera, taken: &[String]) -> Vec<Component> {
-        additive_components(fit, &self.declared().register, taken)
+        let register = &self.declared().register;
+        additive_components(fit, register, &self.displacements(fit), taken)
     }
 
     fn discover(

@@ -65,6 +65,8 @@ pub(super) struct LinearBench {
     pub finds_formula: bool,
     /// The functions that the residuals depend on.
     pub functions: Vec<&'static str>,
+    /// The effect of depth that an examination proposes to models without it.
+    pub proposes: Option<&'static str>,
     /// Effects of the models that were fitted, in order.
     pub fits: RefCell<Vec<Vec<String>>>,
 }
@@ -82,6 +84,7 @@ impl LinearBench {
             unfittable: Vec::new(),
             finds_formula: false,
             functions: Vec::new(),
+            proposes: None,
             fits: RefCell::default(),
         }
     }
@@ -228,9 +231,17 @@ impl Bench for LinearBench {
         Ok((model, fitted))
     }
 
-    /// Of another problem, in which nothing is missing.
-    fn examine(&self, _: &CalibratedCamera) -> Result<Examination, ScoreError> {
-        Ok(examined(Planted::default(), 1))
+    /// Of another problem, in which nothing is missing but the proposed effect.
+    fn examine(&self, fit: &CalibratedCamera) -> Result<Examination, ScoreError> {
+        let present = self.effects_of(fit);
+        let Some(name) = self.proposes.filter(|name| !present.iter().any(|effect| effect == name)) else {
+            return Ok(examined(Planted::default(), 1));
+        };
+        let mut examination = examined(Planted { a: 0.3, ..Planted::default() }, 5);
+        for evidence in examination.evidence.iter_mut().filter(|evidence| evidence.name == "a") {
+            (evidence.name, evidence.spec) = (name.to_owned(), PieceSpec::new(name));
+        }
+        Ok(examination)
     }
 
     fn test(&self, fit: &CalibratedCamera, _: &Register, effect: &PieceSpec) -> Option<EffectTest> {

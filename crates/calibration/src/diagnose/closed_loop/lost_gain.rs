@@ -12,6 +12,8 @@ use crate::judge::cross_validation::weighted_gain_percent;
 const LOST: f64 = 0.03;
 /// Share of that gain by which a name may gain more: one that gains much more explains something else.
 const MORE: f64 = 0.25;
+/// Share of its gain that a function may lose to a name that explains most of it.
+const REST: f64 = 0.3;
 /// Width of a 95 % interval in standard errors.
 const WIDTH: f64 = 3.92;
 
@@ -52,12 +54,28 @@ pub(super) fn has_covariates_of(block: &Block, function: &Discovery) -> bool {
     !of_piece.is_empty() && of_piece == of_function
 }
 
-/// Whether a name explains of the errors of the model without it nearly what a function does; much more than this only where it
-/// has the function's covariates, since it may describe them better than a smooth function.
-pub(super) fn says_as_much(without: &Fitted, function: &Fitted, named: &Fitted, (name, is_own): (&str, bool)) -> bool {
-    let Some(lost) = lost(without, function, named) else { return false };
-    let says = lost.is_little() && (is_own || !lost.is_much_more());
+/// The part of a function's gain that a name has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Says {
+    Less,
+    /// Less, but most of it.
+    Most,
+    AsMuch,
+    /// It explains something else.
+    MuchMore,
+}
+
+/// The part of a function's gain over the model `without` it that a name has. A name with the function's own covariates
+/// (`is_own`) may have more: it describes the same better than a smooth function.
+pub(super) fn says(without: &Fitted, function: &Fitted, named: &Fitted, (name, is_own): (&str, bool)) -> Says {
+    let Some(lost) = lost(without, function, named) else { return Says::Less };
+    let says = match (lost.is_little(), lost.is_much_more()) {
+        (false, _) if lost.lost.value <= REST * lost.whole => Says::Most,
+        (false, _) => Says::Less,
+        (true, true) if !is_own => Says::MuchMore,
+        (true, _) => Says::AsMuch,
+    };
     let Lost { whole, lost: GainInterval { value, low, high } } = lost;
-    info!("additive: {name} loses {value:.2} % ({low:.2} to {high:.2}) of the {whole:.2} % of its function: {says}");
+    info!("additive: {name} loses {value:.2} % ({low:.2} to {high:.2}) of the {whole:.2} % of its function: {says:?}");
     says
 }

@@ -7,6 +7,7 @@
 //! | a decision is made, without effects that are refuted | `decided`, [`decision`](super::decision) |
 //! | effects are proposed, or refused | `proposal` |
 //! | they are tried: fitted, and judged on held-out frames | `trial`, `refinement` |
+//! | functions are found together, and explained | `additive`, `functions`, `naming` |
 //! | earlier decisions are looked at again | `revisit` |
 //! | a formula is searched for what is unexplained, or instead of the effects | `formula` |
 //! | what no effect explains is left, with a free map | `unexplained` |
@@ -23,9 +24,11 @@ mod decided;
 mod fitter;
 mod formula;
 mod frames;
+mod functions;
 #[cfg(test)]
 mod linear_bench;
 mod lost_gain;
+mod naming;
 mod proposal;
 mod refinement;
 mod revisit;

@@ -31,7 +31,7 @@ pub(super) struct State {
 }
 
 /// Decisions that later ones depend on.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Memory {
     /// Trials of the present model. They end with it.
     pub tried: Tried,

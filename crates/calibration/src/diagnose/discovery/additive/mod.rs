@@ -49,17 +49,23 @@ pub fn effects_of_board<'a>(register: &'a Register, camera: &'a Camera) -> impl 
     })
 }
 
-/// A fit whose board may have any shape of `register`, which begins with the one that it has.
-fn with_free_board(fit: &CalibratedCamera, register: &Register) -> CalibratedCamera {
-    let blocks = effects_of_board(register, &fit.camera).filter_map(|name| register.block(name, None).ok());
+/// A fit with all effects of `register` on the board open, which begin with none, and the effects `beside` them.
+fn with_open(fit: &CalibratedCamera, register: &Register, beside: &[&'static str]) -> CalibratedCamera {
+    let names = effects_of_board(register, &fit.camera).chain(beside.iter().copied());
+    let blocks = names.filter_map(|name| register.block(name, None).ok());
     CalibratedCamera { camera: with_pieces(&fit.camera, blocks).0, ..fit.clone() }
 }
 
-/// The functions that the residuals of a fit depend on, none of them chance given all others and the shape of the board;
-/// `register` has the board's effects, and `taken` are names of pieces. Empty where nothing is found, or where the frames
-/// cannot be evaluated.
-pub fn additive_components(fit: &CalibratedCamera, register: &Register, taken: &[String]) -> Vec<Component> {
-    let fit = with_free_board(fit, register);
+/// The functions that the residuals of a fit depend on, none of them chance given all others, the shape of the board and the
+/// effects `open`; `register` has these and the board's effects, and `taken` are names of pieces. Empty where nothing is found,
+/// or where the frames cannot be evaluated.
+pub fn additive_components(
+    fit: &CalibratedCamera,
+    register: &Register,
+    open: &[&'static str],
+    taken: &[String],
+) -> Vec<Component> {
+    let fit = with_open(fit, register, open);
     Observations::thinned(&fit, MOST_SAMPLES).map_or_else(Vec::new, |observations| described(&observations, taken))
 }
 

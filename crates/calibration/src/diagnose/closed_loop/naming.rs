@@ -1,0 +1,166 @@
+//! A function that the residuals depend on, explained by an effect of the catalogue or by a formula, given all others.
+
+use tracing::info;
+
+use super::augmented_model::AugmentedModel;
+use super::bench::{Bench, Fitted};
+use super::decided::{Decided, decided};
+use super::formula::{evidence_of, with_formula};
+use super::functions::Model;
+use super::lost_gain::{Says, has_covariates_of, says};
+use super::proposal::Proposal;
+use super::state::Memory;
+use crate::adjust::blocks::is_depth_only;
+use crate::calibrate::CalibratedCamera;
+use crate::diagnose::added_effect::AddedEffect;
+use crate::diagnose::decision::Decision;
+use crate::diagnose::discovery::{Discovery, Search};
+use crate::diagnose::error::DiagnoseError;
+use crate::diagnose::examination::Examination;
+use crate::diagnose::held_out::Gain;
+use crate::diagnose::own_function::is_of_its_covariate;
+
+/// Effects of the catalogue that are tried for a function.
+const MOST_NAMES: usize = 2;
+
+/// A function, and what it explains.
+struct Function<'a> {
+    /// Its definition, where it is a formula.
+    definition: Option<&'a Discovery>,
+    /// The fit with it, and the one without.
+    with: &'a Fitted,
+    without: &'a Fitted,
+    /// Its number among the effects.
+    place: usize,
+}
+
+/// Outcome of naming a function.
+pub(super) enum Naming {
+    /// An effect or a formula that explains as much takes its place.
+    Named(Box<Model>),
+    /// An effect that explains more than this function, and for certain more than all of them: it is missing beside them.
+    Missing(Box<AddedEffect>),
+    /// Frames that the search has not seen do not have it.
+    Refuted,
+    /// Nothing explains as much.
+    Nothing,
+}
+
+/// The model with an effect or a formula in the place of the function number `place`, given all others. Effects that were tried
+/// in vain are in `memory`.
+///
+/// # Errors
+///
+/// [`DiagnoseError`] where the model without the function cannot be examined.
+pub(super) fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Result<Naming, DiagnoseError> {
+    let (model, fitted) = with;
+    let without = model.without(place);
+    let reduced = match bench.fitted(&without.options(bench.declared())) {
+        Ok(reduced) => reduced,
+        Err(error) => {
+            info!("additive: without {}: {error}", model.added[place].evidence.spec);
+            return Ok(Naming::Nothing);
+        }
+    };
+    // What is missing is no noise.
+    let reduced = Fitted { fit: CalibratedCamera { noise: fitted.fit.noise, ..reduced.fit }, ..reduced };
+    bench.report("explaining a function of what is left", &without.options(bench.declared()));
+    let examination = bench.examine(&reduced.fit)?;
+    let definition = model.formulas.iter().find(|f| f.effect.name() == model.added[place].evidence.name);
+    let function = Function { definition, with: fitted, without: &reduced, place };
+    if let Some(naming) = by_effect(bench, memory, &function, &without, &examination)? {
+        return Ok(naming);
+    }
+    let Some(definition) = definition else { return Ok(Naming::Nothing) };
+    let taken = without.names(&reduced.fit);
+    let Search::Found(discovery) = bench.formula_of(&definition.covariates, &reduced.fit, &examination, &taken) else {
+        return Ok(Naming::Nothing);
+    };
+    if discovery.is_refuted() {
+        info!("additive: frames that the search has not seen do not have {}", discovery.effect.text());
+        return Ok(Naming::Refuted);
+    }
+    let name = discovery.effect.text();
+    let formula = with_formula(bench, &without, &reduced, *discovery);
+    let formula = formula.filter(|(_, named)| says(&reduced, fitted, named, (&name, true)) == Says::AsMuch);
+    Ok(formula.map_or(Naming::Nothing, |(model, named)| Naming::Named(Box::new((in_place(model, place), named)))))
+}
+
+/// The function explained by an effect of the catalogue; the model is that without the function.
+fn by_effect(
+    bench: &impl Bench,
+    memory: &Memory,
+    function: &Function<'_>,
+    without: &AugmentedModel,
+    examination: &Examination,
+) -> Result<Option<Naming>, DiagnoseError> {
+    let mut memory = memory.clone();
+    for _ in 0..MOST_NAMES {
+        let Decided { decision, .. } = decided(&function.without.fit, examination, &memory, bench.options())?;
+        let Decision::Add { effect, indistinguishable, .. } = &decision else { break };
+        let proposal = Proposal { effect: *effect, jointly_with: &[], indistinguishable };
+        let effect = proposal.effects(examination, &function.without.held_out).swap_remove(0);
+        let (name, block) = (effect.evidence.spec.to_string(), &effect.evidence.block);
+        memory.tried.rejected.push(effect.evidence.name.clone());
+        // A function of depth is explained by an effect of depth.
+        if !is_depth_only(block) {
+            continue;
+        }
+        let is_alone = function.definition.is_some_and(|f| is_of_its_covariate(block, &examination.states, f));
+        let is_own = is_alone || function.definition.is_some_and(|f| has_covariates_of(block, f));
+        let (mut model, named) = match bench.refined(without.clone().with(effect)) {
+            Ok(with) => with,
+            Err(error) => {
+                info!("additive: {name}: {error}");
+                continue;
+            }
+        };
+        match says(function.without, function.with, &named, (&name, is_own)) {
+            Says::AsMuch => return Ok(Some(Naming::Named(Box::new((in_place(model, function.place), named))))),
+            Says::MuchMore => {
+                let last = model.added.split_off(model.added.len() - 1);
+                if matches!(named.gain_over(function.with, &last, bench.thresholds()), Gain::Certain(_))
+                    && let Some(effect) = last.into_iter().next()
+                {
+                    return Ok(Some(Naming::Missing(Box::new(effect))));
+                }
+            }
+            Says::Most if is_alone => {
+                let with = beside(bench, function, (in_place(model, function.place), named));
+                return Ok(Some(Naming::Named(Box::new(with))));
+            }
+            Says::Most | Says::Less => {}
+        }
+    }
+    Ok(None)
+}
+
+/// The model with an effect that explains most of a function of its own covariate, and with the function for the rest where
+/// the held-out errors are lower for certain with it.
+fn beside(bench: &impl Bench, function: &Function<'_>, with: Model) -> Model {
+    let (model, named) = &with;
+    let Some(definition) = function.definition else { return with };
+    let mut both = model.clone();
+    both.formulas.push(definition.clone());
+    let register = both.register(bench.declared());
+    let Some(evidence) = evidence_of(bench, &named.fit, &register, definition.effect.spec()) else { return with };
+    let both = both.with(AddedEffect::alone(evidence, 0.0, named.held_out.clone()));
+    let fitted = match bench.fitted(&both.options(bench.declared())) {
+        Ok(fitted) => fitted,
+        Err(error) => {
+            info!("additive: the rest of {}: {error}", definition.effect.name());
+            return with;
+        }
+    };
+    let gain = fitted.gain_over(named, &both.added[model.added.len()..], bench.thresholds());
+    info!("additive: the rest of {}: {gain:?}", definition.effect.name());
+    if matches!(gain, Gain::Certain(_)) { (both, fitted) } else { with }
+}
+
+/// The model with its last effect at number `place`.
+fn in_place(mut model: AugmentedModel, place: usize) -> AugmentedModel {
+    if let Some(last) = model.added.pop() {
+        model.added.insert(place, last);
+    }
+    model
+}
