@@ -88,19 +88,20 @@ impl Basis {
 }
 
 impl OnFrames<'_> {
-    /// Names of the effects by which the depth image seems to be displaced: they shift what depth depends on.
+    /// Names of the effects by which the depth image seems to be displaced, among all that may be missing: they shift what depth
+    /// depends on.
     fn displacements(&self, fit: &CalibratedCamera) -> Vec<&'static str> {
         let register = &self.declared().register;
+        let missing: Vec<&str> = register.names().filter(|name| fit.camera.block(name).is_none()).collect();
         let is_displacement =
             |name: &&str| register.block(name, None).is_ok_and(|block| block.hook() == HookKind::Pixel);
         let seems_there = |name: &&str| {
             let test = test_effect(fit, register, &PieceSpec::new(*name));
             let p_value = test.map_or(1.0, |test| test.score.clustered_p_value);
             debug!("{name}: p = {p_value:.2e} by the scatter between frames");
-            p_value < self.thresholds().level
+            p_value * (missing.len() as f64) < self.thresholds().level
         };
-        let missing = register.names().filter(|name| fit.camera.block(name).is_none());
-        missing.filter(is_displacement).filter(seems_there).collect()
+        missing.iter().copied().filter(is_displacement).filter(seems_there).collect()
     }
 
     /// The frames that verify, sampled under the camera of a fit; `None` where there are none, or none that show depth.
