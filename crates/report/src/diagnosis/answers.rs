@@ -195,7 +195,8 @@ fn why(d: &ReportDiagnosis<'_>) -> String {
                 join(&step.indistinguishable)
             ));
         }
-        parts.extend(rivals_of_other_technologies(step));
+        // Effects may have the same rivals.
+        parts.extend(rivals_of_other_technologies(step).filter(|rivals| !parts.contains(rivals)));
     }
     sentences(&parts)
 }
