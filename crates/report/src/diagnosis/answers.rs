@@ -19,7 +19,7 @@ use depthcal_statistics::quantile;
 
 /// Free functions are named if they lower the weighted residual by more than this, per cent.
 const WORTH_PERCENT: f64 = 0.5;
-/// Names of effects in the headline, about.
+/// Names of effects in the headline, where at least two more would follow.
 const HEADLINE_NAMES: usize = 3;
 /// Most recommendations of captures on the first screen.
 const NEXT: usize = 3;

@@ -305,7 +305,7 @@ mod tests {
         assert_eq!(names(&accepted), [FORMULA, FUNCTIONS[1]]);
     }
 
-    /// The effect is no name of the function: it is there beside it.
+    /// The effect does not describe what the function does: the model ends with both.
     #[test]
     fn an_effect_that_says_more_than_all_functions_is_missing_beside_them() {
         let (first, second) = (regressor(1), regressor(2));

@@ -38,7 +38,8 @@ struct Function<'a> {
 pub(super) enum Naming {
     /// An effect or a formula that explains as much takes its place.
     Named(Box<Model>),
-    /// An effect that explains more than this function, and for certain more than all of them: it is missing beside them.
+    /// An effect with which the held-out errors are lower for certain than with the function that it was tried instead of. So it
+    /// describes something else: the model lacks it.
     Missing(Box<AddedEffect>),
     /// Frames that the search has not seen do not have it.
     Refuted,

@@ -49,7 +49,8 @@ pub fn effects_of_board<'a>(register: &'a Register, camera: &'a Camera) -> impl 
     })
 }
 
-/// A fit with all effects of `register` on the board open, which begin with none, and the effects `beside` them.
+/// A fit whose camera also has the board's effects of `register` and those named in `beside`, all with free parameters that
+/// start at their nominal values.
 fn with_open(fit: &CalibratedCamera, register: &Register, beside: &[&'static str]) -> CalibratedCamera {
     let names = effects_of_board(register, &fit.camera).chain(beside.iter().copied());
     let blocks = names.filter_map(|name| register.block(name, None).ok());
