@@ -36,7 +36,7 @@ pub(super) fn explained_together(
 ) -> Result<Event, DiagnoseError> {
     let State { model, present, .. } = state;
     let task = Task { model, base: present, incumbent: present, before: model.added.len() };
-    let with = match functions(bench, &task)? {
+    let with = match functions(bench, &task) {
         None => None,
         Some(described) => match one_effect(bench, state, examination)? {
             None => explained(bench, state, examination, &task, described)?,
@@ -108,7 +108,7 @@ pub(super) fn explained_anew(
         }
     };
     let task = Task { model: &without, base: &base, incumbent: present, before: without.added.len() };
-    let Some(described) = functions(bench, &task)? else { return Ok(None) };
+    let Some(described) = functions(bench, &task) else { return Ok(None) };
     let explained = explained(bench, state, examination, &task, described)?;
     // Without what was needless it may be the present model again.
     let is_better = |anew: &Accepted| {
@@ -160,15 +160,16 @@ fn explained(
         }
         functions = without_name;
     }
-    let (mut model, mut fitted) = described;
     if !refuted.is_empty() {
         refuted.sort_unstable();
-        model = refuted.into_iter().rev().fold(model, |model, place| model.without(place));
-        fitted = bench.fitted(&model.options(bench.declared()))?;
-        if !matches!(fitted.gain_over(incumbent, &model.added[before..], bench.thresholds()), Gain::Certain(_)) {
+        let model = refuted.into_iter().rev().fold(described.0, |model, place| model.without(place));
+        let fitted = bench.fitted(&model.options(bench.declared()))?;
+        described = (model, fitted);
+        if !helps(bench, task, &described) {
             return Ok(None);
         }
     }
+    let (model, fitted) = described;
     let Revisited { model, present, removed, earlier } =
         without_needless(bench, model, fitted, before, false, examination.tests)?;
     let effects = model.specs_from(earlier);
@@ -217,7 +218,7 @@ fn given(
     described: &Model,
 ) -> Result<Option<Box<Accepted>>, DiagnoseError> {
     let nothing = || ((task.model.clone(), task.base.clone()), Vec::new());
-    let (with, shares) = functions(bench, task)?.unwrap_or_else(nothing);
+    let (with, shares) = functions(bench, task).unwrap_or_else(nothing);
     let percent = lower_percent(&described.1, &with.1);
     info!("additive: given {:?}: {percent:?} %", task.model.specs_from(task.before));
     if percent.is_none_or(|percent| percent <= 0.0) {

@@ -6,9 +6,9 @@ use tracing::info;
 use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::formula::evidence_of;
-use crate::calibrate::{CalibrateError, CalibratedCamera};
+use crate::calibrate::CalibratedCamera;
 use crate::diagnose::added_effect::AddedEffect;
-use crate::diagnose::discovery::{Component, effects_of_board};
+use crate::diagnose::discovery::{Discovery, effects_of_board};
 use crate::diagnose::held_out::Gain;
 use crate::diagnose::merit::significant;
 use crate::judge::cross_validation::weighted_gain_percent;
@@ -33,7 +33,7 @@ const SEARCHES: usize = 4;
 /// The model of a task with the functions that its residuals depend on, and the share of the squared residuals that each
 /// explains. They are searched again with the noise that they leave as long as the held-out errors fall, and given those that
 /// were found, which are fitted better than a search can.
-pub(super) fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
+pub(super) fn functions(bench: &impl Bench, task: &Task<'_>) -> Option<(Model, Vec<f64>)> {
     let Task { model, base, incumbent, .. } = task;
     bench.report("searching what the residuals depend on", &model.options(bench.declared()));
     let is_quieter = noise_ratio(&base.fit, &incumbent.fit) < 1.0;
@@ -41,14 +41,12 @@ pub(super) fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(M
     let mut described: Option<(Model, Vec<f64>)> = None;
     for _ in 0..SEARCHES {
         let fit = CalibratedCamera { noise, ..base.fit.clone() };
-        let searched = match functions_left(bench, (model, &fit), base)? {
-            Some((with, shares)) => Some((with_effects_of_board(bench, with)?, shares)),
-            None => None,
-        };
+        let searched = functions_left(bench, (model, &fit), base)
+            .map(|(with, shares)| (with_effects_of_board(bench, with), shares));
         let better = searched.filter(|((_, with), _)| described.as_ref().is_none_or(|((_, b), _)| falls(b, with)));
         let next = match (better, &described) {
             (Some(better), _) => better,
-            (None, Some(before)) => match more_functions(bench, task, before)? {
+            (None, Some(before)) => match more_functions(bench, task, before) {
                 Some(more) => more,
                 None => break,
             },
@@ -57,7 +55,7 @@ pub(super) fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(M
         noise = next.0.1.fit.noise;
         described = Some(next);
     }
-    Ok(described)
+    described
 }
 
 /// The functions of a task with those that a fit with them leaves, where the held-out errors fall for certain with these.
@@ -65,18 +63,18 @@ fn more_functions(
     bench: &impl Bench,
     task: &Task<'_>,
     ((model, fitted), shares): &(Model, Vec<f64>),
-) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
+) -> Option<(Model, Vec<f64>)> {
     let before = model.added.len();
-    let Some(((with, better), more)) = functions_left(bench, (model, &fitted.fit), fitted)? else { return Ok(None) };
+    let ((with, better), more) = functions_left(bench, (model, &fitted.fit), fitted)?;
     if !matches!(better.gain_over(fitted, &with.added[before..], bench.thresholds()), Gain::Certain(_)) {
-        return Ok(None);
+        return None;
     }
     // Effects of the board stand after the functions: they have no share.
     let mut shares = shares.clone();
     shares.resize(before - task.model.added.len(), 0.0);
     let of_all = noise_ratio(&fitted.fit, &task.incumbent.fit).powi(2);
     shares.extend(more.into_iter().map(|share| of_all * share));
-    Ok(Some(((with, better), shares)))
+    Some(((with, better), shares))
 }
 
 /// A model with the functions that a fit of it leaves, and the share of its squared residuals that each explains; `base` is the
@@ -85,13 +83,14 @@ fn functions_left(
     bench: &impl Bench,
     (model, fit): (&AugmentedModel, &CalibratedCamera),
     base: &Fitted,
-) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
+) -> Option<(Model, Vec<f64>)> {
     let components = bench.components(fit, &model.names(&base.fit));
     if components.is_empty() {
-        return Ok(None);
+        return None;
     }
     let shares = components.iter().map(|component| component.share).collect();
-    Ok(with_descriptions(bench, model, base, components)?.map(|with| (with, shares)))
+    let functions = components.into_iter().map(|component| component.description);
+    with_functions(bench, model, base, functions).map(|with| (with, shares))
 }
 
 /// Whether the held-out error falls by more than next to nothing.
@@ -116,33 +115,33 @@ pub(super) fn lower_percent(before: &Fitted, after: &Fitted) -> Option<f64> {
     weighted_gain_percent(b, a, &after.fit.noise.depth).map(|gain| gain.value)
 }
 
-/// The model with the formulas that describe some components, fitted together; `None` where it cannot be fitted.
-fn with_descriptions(
+/// The model with some functions, fitted together; `None` where it cannot be fitted.
+pub(super) fn with_functions(
     bench: &impl Bench,
     model: &AugmentedModel,
     present: &Fitted,
-    components: Vec<Component>,
-) -> Result<Option<Model>, CalibrateError> {
+    functions: impl IntoIterator<Item = Discovery>,
+) -> Option<Model> {
     let mut with = model.clone();
-    for Component { description, .. } in components {
-        let spec = description.effect.spec();
-        with.formulas.push(description);
+    for function in functions {
+        let spec = function.effect.spec();
+        with.formulas.push(function);
         let register = with.register(bench.declared());
-        let Some(evidence) = evidence_of(bench, &present.fit, &register, spec) else { return Ok(None) };
+        let evidence = evidence_of(bench, &present.fit, &register, spec)?;
         with = with.with(AddedEffect::alone(evidence, 0.0, present.held_out.clone()));
     }
     match bench.fitted(&with.options(bench.declared())) {
-        Ok(fitted) => Ok(Some((with, fitted))),
+        Ok(fitted) => Some((with, fitted)),
         Err(error) => {
             info!("additive: the functions cannot be fitted together: {error}");
-            Ok(None)
+            None
         }
     }
 }
 
 /// The model with those effects of the board that lower the held-out errors for certain: a bent board hides functions of depth,
 /// as these hide its shape.
-fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> Result<Model, CalibrateError> {
+fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> Model {
     let names: Vec<&str> = effects_of_board(&bench.declared().register, &fitted.fit.camera).collect();
     for name in names {
         let register = model.register(bench.declared());
@@ -163,5 +162,5 @@ fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> 
             (model, fitted) = (with, bent);
         }
     }
-    Ok((model, fitted))
+    (model, fitted)
 }

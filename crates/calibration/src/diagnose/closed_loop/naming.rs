@@ -5,8 +5,8 @@ use tracing::info;
 use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::decided::{Decided, decided};
-use super::formula::{evidence_of, with_formula};
-use super::functions::Model;
+use super::formula::with_formula;
+use super::functions::{Model, with_functions};
 use super::lost_gain::{Says, has_covariates_of, says};
 use super::proposal::Proposal;
 use super::state::Memory;
@@ -127,7 +127,7 @@ fn by_effect(
                 }
             }
             Says::Most if is_alone => {
-                let with = beside(bench, function, (in_place(model, function.place), named));
+                let with = with_remainder(bench, function, (in_place(model, function.place), named));
                 return Ok(Some(Naming::Named(Box::new(with))));
             }
             Says::Most | Says::Less => {}
@@ -136,25 +136,13 @@ fn by_effect(
     Ok(None)
 }
 
-/// The model with an effect that explains most of a function of its own covariate, and with the function for the rest where
+/// The model with an effect that explains most of a function of its own covariate, and with the function for the remainder where
 /// the held-out errors are lower for certain with it.
-fn beside(bench: &impl Bench, function: &Function<'_>, with: Model) -> Model {
+fn with_remainder(bench: &impl Bench, function: &Function<'_>, with: Model) -> Model {
     let (model, named) = &with;
-    let Some(definition) = function.definition else { return with };
-    let mut both = model.clone();
-    both.formulas.push(definition.clone());
-    let register = both.register(bench.declared());
-    let Some(evidence) = evidence_of(bench, &named.fit, &register, definition.effect.spec()) else { return with };
-    let both = both.with(AddedEffect::alone(evidence, 0.0, named.held_out.clone()));
-    let fitted = match bench.fitted(&both.options(bench.declared())) {
-        Ok(fitted) => fitted,
-        Err(error) => {
-            info!("additive: the rest of {}: {error}", definition.effect.name());
-            return with;
-        }
-    };
+    let Some((both, fitted)) = with_functions(bench, model, named, function.definition.cloned()) else { return with };
     let gain = fitted.gain_over(named, &both.added[model.added.len()..], bench.thresholds());
-    info!("additive: the rest of {}: {gain:?}", definition.effect.name());
+    info!("additive: the remainder of a function beside its name: {gain:?}");
     if matches!(gain, Gain::Certain(_)) { (both, fitted) } else { with }
 }
 

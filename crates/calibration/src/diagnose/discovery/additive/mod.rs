@@ -49,10 +49,10 @@ pub fn effects_of_board<'a>(register: &'a Register, camera: &'a Camera) -> impl 
     })
 }
 
-/// A fit whose camera also has the board's effects of `register` and those named in `beside`, all with free parameters that
+/// A fit whose camera also has the board's effects of `register` and those named in `open`, all with free parameters that
 /// start at their nominal values.
-fn with_open(fit: &CalibratedCamera, register: &Register, beside: &[&'static str]) -> CalibratedCamera {
-    let names = effects_of_board(register, &fit.camera).chain(beside.iter().copied());
+fn with_open(fit: &CalibratedCamera, register: &Register, open: &[&'static str]) -> CalibratedCamera {
+    let names = effects_of_board(register, &fit.camera).chain(open.iter().copied());
     let blocks = names.filter_map(|name| register.block(name, None).ok());
     CalibratedCamera { camera: with_pieces(&fit.camera, blocks).0, ..fit.clone() }
 }
