@@ -133,19 +133,26 @@ fn explained(
         info!("additive: the errors on left-out frames fall by {percent:.2} %, not for certain");
         return Ok(None);
     }
+    let functions = described.1.clone();
     let mut memory = Memory { hidden: state.memory.hidden.clone(), ..Memory::default() };
     let explained = (first..).zip(&shares).filter(|(_, share)| **share >= LEAST_NAMED);
     // With the number of names when the function was last tried in vain: once another has a name, it may be explained.
-    let mut functions: Vec<(usize, Option<usize>)> = explained.map(|(place, _)| (place, None)).collect();
+    let mut unnamed: Vec<(usize, Option<usize>)> = explained.map(|(place, _)| (place, None)).collect();
     let (mut names, mut refuted) = (0, Vec::new());
     for _ in 0..NAMING_PASSES {
         let mut without_name = Vec::new();
-        for (place, tried) in functions {
+        for (place, tried) in unnamed {
             if tried == Some(names) {
                 continue;
             }
             match named(bench, &memory, &described, place)? {
-                Naming::Named(named) => (described, names) = (*named, names + 1),
+                // Names that each lose little may lose much together.
+                Naming::Named(named)
+                    if lost(task.base, &functions, &named.1).is_some_and(|lost| lost.is_no_large_part()) =>
+                {
+                    (described, names) = (*named, names + 1);
+                }
+                Naming::Named(_) => without_name.push((place, Some(names))),
                 Naming::Missing(effect) => {
                     let name = effect.evidence.name.clone();
                     if let Some(better) = given_missing(bench, state, examination, task, (*effect, &described))? {
@@ -158,7 +165,7 @@ fn explained(
                 Naming::Nothing => without_name.push((place, Some(names))),
             }
         }
-        functions = without_name;
+        unnamed = without_name;
     }
     if !refuted.is_empty() {
         refuted.sort_unstable();

@@ -10,7 +10,8 @@ use crate::judge::cross_validation::weighted_gain_percent;
 
 /// Share of its gain that a function may lose to a name: names extrapolate, and close gaps.
 const LOST: f64 = 0.03;
-/// Share of that gain by which a name may gain more: one that gains much more explains something else.
+/// Share of that gain by which a name may gain more: one that gains much more explains something else. As much is lost at most
+/// where it is certain that little is.
 const MORE: f64 = 0.25;
 /// Share of its gain that a function may lose to a name that explains most of it.
 const REST: f64 = 0.3;
@@ -41,6 +42,11 @@ impl Lost {
         self.lost.value <= self.standard_error().max(LOST * self.whole)
     }
 
+    /// It is certain that no large part is lost: where frames are few, a name that says nothing may lose no more than chance.
+    pub fn is_no_large_part(&self) -> bool {
+        self.lost.high <= MORE * self.whole
+    }
+
     /// The name says much more than the functions.
     fn is_much_more(&self) -> bool {
         self.lost.value < -self.standard_error().max(MORE * self.whole)
@@ -66,10 +72,11 @@ pub(super) enum Says {
 }
 
 /// The part of a function's gain over the model `without` it that a name has. A name with the function's own covariates
-/// (`is_own`) may have more: it describes the same better than a smooth function.
+/// (`is_own`) may have more: it describes the same better than a smooth function. Another one explains it only for certain.
 pub(super) fn says(without: &Fitted, function: &Fitted, named: &Fitted, (name, is_own): (&str, bool)) -> Says {
     let Some(lost) = lost(without, function, named) else { return Says::Less };
-    let says = match (lost.is_little(), lost.is_much_more()) {
+    let is_little = lost.is_little() && (is_own || lost.is_no_large_part());
+    let says = match (is_little, lost.is_much_more()) {
         (false, _) if lost.lost.value <= REST * lost.whole => Says::Most,
         (false, _) => Says::Less,
         (true, true) if !is_own => Says::MuchMore,

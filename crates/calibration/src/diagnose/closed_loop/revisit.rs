@@ -47,7 +47,8 @@ pub(super) struct Revisited {
 
 /// Removes effects that later ones have made unnecessary: an effect that resembles two others is found before them. Of those that
 /// were added together, from number `together` on, each has to gain for certain given the others: one that is certain must not
-/// carry another that is not. The last effect stays where its trial has just been made (`is_last_tried`).
+/// carry another that is not. But of several that are certain together one stays. The last effect stays where its trial has just
+/// been made (`is_last_tried`).
 ///
 /// # Errors
 ///
@@ -62,6 +63,7 @@ pub(super) fn without_needless(
 ) -> Result<Revisited, CalibrateError> {
     let mut revisited = Revisited { model, present, removed: Vec::new(), earlier: together };
     let (mut i, mut first_changed) = (0, usize::MAX);
+    let mut removal = Removal::from(&revisited.present);
     let protected = usize::from(is_last_tried);
     while i + protected < revisited.model.added.len() {
         let (effect, is_new) = (&revisited.model.added[i], i >= revisited.earlier);
@@ -72,6 +74,7 @@ pub(super) fn without_needless(
         let spec = effect.evidence.spec.clone();
         let rest_of_model = revisited.model.without(i);
         match fitted_if_needless(bench, &rest_of_model, effect, &revisited.present, is_new, tests) {
+            Ok(Some(without)) if is_new && !removal.adds(effect, &without, bench.thresholds()) => i += 1,
             Ok(Some(without)) => {
                 revisited.earlier -= usize::from(!is_new);
                 first_changed = first_changed.min(i);
@@ -89,6 +92,31 @@ pub(super) fn without_needless(
     let first = if is_last_tried { first_changed } else { first_changed.min(revisited.earlier) };
     revisited.model = with_errors_along(bench, revisited.model, first, &revisited.present.held_out)?;
     Ok(revisited)
+}
+
+/// Effects that are removed from a model one by one. Those that are certain together are not all removed: each of them may gain
+/// little given the others.
+struct Removal {
+    whole: Fitted,
+    removed: Vec<AddedEffect>,
+}
+
+impl Removal {
+    fn from(whole: &Fitted) -> Self {
+        Self { whole: whole.clone(), removed: Vec::new() }
+    }
+
+    /// Adds an effect, unless it is certain together with those that are removed already; `without` is the model without all.
+    fn adds(&mut self, effect: &AddedEffect, without: &Fitted, thresholds: &Thresholds) -> bool {
+        self.removed.push(effect.clone());
+        let several = self.removed.len() > 1;
+        if several && matches!(self.whole.gain_over(without, &self.removed, thresholds), Gain::Certain(_)) {
+            info!("{} stays: it is certain together with what was removed before", effect.evidence.spec);
+            self.removed.pop();
+            return false;
+        }
+        true
+    }
 }
 
 /// Whether the parameters of an effect alone say that it is plainly needed: half their Wald statistic, which predicts what the
@@ -174,8 +202,12 @@ pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Opt
     if map.is_some() {
         present = bench.fitted(&model.options(bench.declared()))?;
     }
-    let mut first_changed = usize::MAX;
+    let (mut removal, mut first_changed) = (Removal::from(&present), usize::MAX);
     while let Some(Least { place, gain_percent, without }) = least_uncertain(bench, &mut model, &present, first) {
+        // Then nothing else can go: what is left gains at least as much.
+        if !removal.adds(&model.added[place], &without, bench.thresholds()) {
+            break;
+        }
         let effect = model.added.remove(place);
         let frames = present.held_out.evaluated.frames.len();
         possible.extend(gain_percent.map(|gain| Possible::new(effect.evidence.spec, gain, frames)));
@@ -229,6 +261,7 @@ fn least_uncertain(bench: &impl Bench, model: &mut AugmentedModel, present: &Fit
             Gain::Possible(gain) => Some(gain),
             Gain::None => None,
         };
+        model.added[place].gain_percent = gain_percent;
         let value = |gain: Option<GainInterval>| gain.map_or(0.0, |gain| gain.value);
         if least.as_ref().is_none_or(|least| value(gain_percent) < value(least.gain_percent)) {
             least = Some(Least { place, gain_percent, without });
@@ -365,6 +398,33 @@ mod tests {
         assert!(revisited.removed.is_empty());
         // Of new effects a fit without is made, however plain they are.
         assert_eq!(bench.fits.take(), [["radial_range"]]);
+    }
+
+    /// Four effects, of which each may be too small to be certain given the others.
+    #[test]
+    fn effects_that_are_certain_together_are_not_all_removed() {
+        let effects = ["range_offset", "radial_range", "incidence_bias", "quadratic_depth"];
+        let mut losses = [0; 2];
+        for (size, seed) in
+            [0.1, 0.12, 0.14, 0.16].into_iter().flat_map(|size| [1, 11, 21, 31].map(|seed| (size, seed)))
+        {
+            let planted: Vec<_> =
+                effects.iter().zip(seed..).map(|(name, seed)| (*name, size, regressor(seed))).collect();
+            let bench = LinearBench::new(&planted);
+            let state = bench.state(&effects);
+            let (model, whole) = (state.model.clone(), state.present.clone());
+            let is_lost = |model: &AugmentedModel, present: &Fitted| {
+                let is_removed =
+                    |effect: &&AddedEffect| model.added.iter().all(|e| e.evidence.name != effect.evidence.name);
+                let removed: Vec<_> = state.model.added.iter().filter(is_removed).cloned().collect();
+                removed.len() > 1 && matches!(whole.gain_over(present, &removed, bench.thresholds()), Gain::Certain(_))
+            };
+            let revisited = without_needless(&bench, model, whole.clone(), 0, false, 20).unwrap();
+            losses[0] += usize::from(is_lost(&revisited.model, &revisited.present));
+            let Some(Event::Judged(judged)) = without_uncertain(&bench, &state).unwrap() else { panic!("not judged") };
+            losses[1] += usize::from(is_lost(&judged.model, &judged.present));
+        }
+        assert_eq!(losses, [0, 0]);
     }
 
     #[test]
