@@ -75,6 +75,11 @@ fn says_all(without: &Fitted, functions: &Fitted, effect: &Fitted) -> bool {
     lost(without, functions, effect).is_some_and(|lost| lost.is_little())
 }
 
+/// Whether a model with names keeps what all functions together gain: names that each lose little may lose much together.
+fn keep_most(without: &Fitted, functions: &Fitted, names: &Fitted) -> bool {
+    lost(without, functions, names).is_some_and(|lost| lost.is_no_large_part())
+}
+
 /// The model with all effects of depth explained anew, together, where the held-out errors are lower for certain: effects that
 /// were added one after the other may have taken up parts of each other.
 ///
@@ -146,13 +151,9 @@ fn explained(
                 continue;
             }
             match named(bench, &memory, &described, place)? {
-                // Names that each lose little may lose much together.
-                Naming::Named(named)
-                    if lost(task.base, &functions, &named.1).is_some_and(|lost| lost.is_no_large_part()) =>
-                {
+                Naming::Named(named) if keep_most(task.base, &functions, &named.1) => {
                     (described, names) = (*named, names + 1);
                 }
-                Naming::Named(_) => without_name.push((place, Some(names))),
                 Naming::Missing(effect) => {
                     let name = effect.evidence.name.clone();
                     if let Some(better) = given_missing(bench, state, examination, task, (*effect, &described))? {
@@ -162,7 +163,7 @@ fn explained(
                     without_name.push((place, None));
                 }
                 Naming::Refuted => refuted.push(place),
-                Naming::Nothing => without_name.push((place, Some(names))),
+                Naming::Named(_) | Naming::Nothing => without_name.push((place, Some(names))),
             }
         }
         unnamed = without_name;

@@ -107,11 +107,12 @@ fn by_effect(
         if !is_depth_only(block) {
             continue;
         }
-        let has_its_covariates = function.definition.is_some_and(|f| has_covariates_of(block, f));
-        let is_single = function.definition.is_some_and(|f| f.effect.covariates().len() == 1);
-        let is_alone = function.definition.is_some_and(|f| is_of_its_covariate(block, &examination.states, f))
-            || is_single && has_its_covariates;
-        let is_own = is_alone || has_its_covariates;
+        let (is_alone, is_own) = function.definition.map_or((false, false), |f| {
+            let has_its_covariates = has_covariates_of(block, f);
+            let is_alone = is_of_its_covariate(block, &examination.states, f)
+                || has_its_covariates && f.effect.covariates().len() == 1;
+            (is_alone, is_alone || has_its_covariates)
+        });
         let (mut model, named) = match bench.refined(without.clone().with(effect)) {
             Ok(with) => with,
             Err(error) => {
