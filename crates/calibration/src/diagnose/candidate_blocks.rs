@@ -11,6 +11,7 @@ use super::free_functions::Along;
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::smoothness_prior::precision_of_smooth_functions;
 use crate::calibrate::CalibratedCamera;
+use crate::observe::{CameraFrames, SampledFrame};
 
 /// An effect or a free function whose parameters could be released.
 pub(super) struct CandidateBlock {
@@ -34,6 +35,43 @@ impl CandidateBlock {
         let block = register.make(&spec, None).ok()?;
         let smoothness = precision_of_smooth_functions(&block);
         Some(Self { name: spec.name.clone(), spec, value: None, along: None, block, smoothness })
+    }
+}
+
+/// A fitted camera, alone or among others, whose candidates are tested.
+pub(super) trait Fit: Sync {
+    /// Says that the problem cannot be evaluated.
+    type Error: Send;
+
+    /// Linearises the problem with all candidates held at their nominal values. Candidates are numbered as given.
+    ///
+    /// # Errors
+    ///
+    /// Where the problem cannot be evaluated.
+    fn linearize(&self, candidates: &[CandidateBlock]) -> Result<Linearization, Self::Error>;
+
+    /// The same with every so many samples of the camera's frames.
+    fn thinned(&self, step: usize) -> Self;
+}
+
+impl Fit for CalibratedCamera {
+    type Error = ScoreError;
+
+    fn linearize(&self, candidates: &[CandidateBlock]) -> Result<Linearization, ScoreError> {
+        linearize(self, candidates)
+    }
+
+    fn thinned(&self, step: usize) -> Self {
+        let mut thinned = self.clone();
+        thin(&mut thinned.capture, step);
+        thinned
+    }
+}
+
+/// Leaves every so many samples of the frames of a capture.
+pub(super) fn thin(capture: &mut CameraFrames<SampledFrame>, step: usize) {
+    for frame in &mut capture.frames {
+        frame.samples = Arc::new(frame.samples.iter().step_by(step).copied().collect());
     }
 }
 
@@ -69,18 +107,15 @@ fn linearize_with(
     adjustment.linearize(held.map(|(c, place)| (c.spec.to_string(), place, c.smoothness.clone())))
 }
 
-/// A camera with further pieces before its own, and their places among its blocks.
+/// A camera with further pieces before its own, and the places of all pieces among its blocks, those of the further ones first.
 pub(super) fn with_pieces(camera: &Camera, further: impl Iterator<Item = Block>) -> (Camera, Vec<usize>) {
     // Effects act on the true depth, before the depth model: they come first.
     let mut pieces: Vec<Block> = further.collect();
-    let count = pieces.len();
     let (pinhole, with_piece): (Vec<Block>, Vec<Block>) =
         camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
     pieces.extend(with_piece);
     let pinhole = pinhole.into_iter().next().unwrap_or_else(|| Block::pinhole([f64::NAN; 5]));
-    let (camera, mut places) = Camera::assemble(camera.width, camera.height, pinhole, pieces);
-    places.truncate(count);
-    (camera, places)
+    Camera::assemble(camera.width, camera.height, pinhole, pieces)
 }
 
 /// A camera with two held pieces that add their parameter to inverse depth, before the depth model and behind it, and their
@@ -159,7 +194,8 @@ mod tests {
         let (extended, places) = with_pieces(&camera, names.map(|name| block(name).hold()).into_iter());
         assert_eq!(extended.blocks().len(), camera.blocks().len() + names.len());
         let placed: Vec<&str> = places.iter().map(|p| extended.blocks()[*p].name()).collect();
-        assert_eq!(placed, names);
-        assert!(places.iter().all(|p| extended.blocks()[*p].free.iter().all(|free| !free)));
+        let of_camera = camera.blocks().iter().filter(|block| block.piece().is_some()).map(Block::name);
+        assert_eq!(placed, names.into_iter().chain(of_camera).collect::<Vec<_>>());
+        assert!(places[..names.len()].iter().all(|p| extended.blocks()[*p].free.iter().all(|free| !free)));
     }
 }

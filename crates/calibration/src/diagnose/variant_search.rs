@@ -5,14 +5,12 @@
 //! Forms only weight the effect over distance: they are compared at the best constant of each place, and the constant is refined
 //! in the best of them.
 
-use std::sync::Arc;
-
 use depthcal_model::{Of, Placement, Register};
-use depthcal_solver::score::{Linearization, ScoreError};
+use depthcal_solver::score::Linearization;
 use depthcal_statistics::mean_to_standard_error;
 use rayon::prelude::*;
 
-use super::candidate_blocks::{CandidateBlock, linearize};
+use super::candidate_blocks::{CandidateBlock, Fit};
 use super::candidates::{Effect, around, finer, missing_effects};
 use super::evidence::{Evidence, difference};
 use super::observed_states::ObservedStates;
@@ -48,33 +46,33 @@ type Scored = (usize, Variant, f64);
 
 /// Tests variants of `effects`, each given with the number of its effect, and hands each linearisation with the tested ones to
 /// `read`.
-fn test<T: Send>(
-    fit: &CalibratedCamera,
+fn test<F: Fit, T: Send>(
+    fit: &F,
     register: &Register,
     effects: &[Effect],
     variants: &[(usize, Variant)],
     read: impl Fn(&Linearization, &[(usize, Variant)]) -> Vec<T> + Sync,
-) -> Result<Vec<T>, ScoreError> {
-    let chunks: Result<Vec<Vec<T>>, ScoreError> = variants
+) -> Result<Vec<T>, F::Error> {
+    let chunks: Result<Vec<Vec<T>>, F::Error> = variants
         .par_chunks(VARIANTS_PER_LINEARIZATION)
         .map(|chunk| {
             let candidate = |(i, v): &(usize, Variant)| {
                 CandidateBlock::effect(register, effects[*i].spec(v.value, v.placement)).map(|c| ((*i, *v), c))
             };
             let (tested, candidates): (Vec<_>, Vec<_>) = chunk.iter().filter_map(candidate).unzip();
-            Ok(read(&linearize(fit, &candidates)?, &tested))
+            Ok(read(&fit.linearize(&candidates)?, &tested))
         })
         .collect();
     Ok(chunks?.into_iter().flatten().collect())
 }
 
 /// Score statistics of variants.
-fn scored(
-    fit: &CalibratedCamera,
+fn scored<F: Fit>(
+    fit: &F,
     register: &Register,
     effects: &[Effect],
     variants: &[(usize, Variant)],
-) -> Result<Vec<Scored>, ScoreError> {
+) -> Result<Vec<Scored>, F::Error> {
     test(fit, register, effects, variants, |linearization, tested| {
         tested.iter().enumerate().map(|(k, (i, v))| (*i, *v, linearization.score(k).statistic)).collect()
     })
@@ -84,15 +82,6 @@ fn scored(
 fn best(scores: &[Scored], i: usize, select: impl Fn(&Variant) -> bool) -> Option<(Variant, f64)> {
     let of_effect = scores.iter().filter(|(k, v, _)| *k == i && select(v)).map(|(_, v, s)| (*v, *s));
     of_effect.reduce(|a, b| if b.1 > a.1 { b } else { a })
-}
-
-/// The fit with every [`SAMPLE_STEP`]-th sample of its frames.
-fn thinned(fit: &CalibratedCamera) -> CalibratedCamera {
-    let mut thinned = fit.clone();
-    for frame in &mut thinned.capture.frames {
-        frame.samples = Arc::new(frame.samples.iter().step_by(SAMPLE_STEP).copied().collect());
-    }
-    thinned
 }
 
 /// The [`FINALISTS`] best of the variants of every effect in every place and form.
@@ -112,13 +101,13 @@ fn finalists(mut scores: Vec<Scored>) -> Vec<(usize, Variant)> {
 ///
 /// # Errors
 ///
-/// [`ScoreError`] where the problem cannot be evaluated.
-pub(super) fn best_variants(
-    fit: &CalibratedCamera,
+/// That of the fit where its problem cannot be evaluated.
+pub(super) fn best_variants<F: Fit>(
+    fit: &F,
     register: &Register,
     effects: &[Effect],
     thresholds: &Thresholds,
-) -> Result<Vec<Option<BestVariant>>, ScoreError> {
+) -> Result<Vec<Option<BestVariant>>, F::Error> {
     // Its own form with all values of its constant, in both places where that makes a difference.
     let coarse = effects.iter().enumerate().flat_map(|(i, effect)| {
         let values =
@@ -130,7 +119,7 @@ pub(super) fn best_variants(
             .flat_map(move |placement| values.clone().into_iter().map(move |value| (i, Variant { value, placement })))
     });
     let (many, few): (Vec<_>, Vec<_>) = coarse.partition(|(i, _)| effects[*i].values.len() >= MANY_VALUES);
-    let finalists = finalists(scored(&thinned(fit), register, effects, &many)?);
+    let finalists = finalists(scored(&fit.thinned(SAMPLE_STEP), register, effects, &many)?);
     let mut scores = scored(fit, register, effects, &[few, finalists].concat())?;
     // All places and forms with the best value of the place.
     let forms = effects.iter().enumerate().flat_map(|(i, effect)| {
