@@ -174,6 +174,37 @@ fn uncertainty_and_support_lie_beside_the_corrected_images() {
     }
 }
 
+/// Boards were seen at 0.6 and 1.2 m: depth far beyond is told, depth in metres that is taken for mm is refused.
+#[test]
+fn depth_beyond_the_boards_of_a_calibration_is_told() {
+    let folder = Folder::new();
+    let frame = |z: f64| {
+        format!(
+            r#"{{ "name": "{z}", "rotation": [1, 0, 0, 0], "translation_mm": [-90, -60, {z}], "reprojection_rms_px": 0.1 }}"#
+        )
+    };
+    let frames = format!("\"frames\": [{}, {}]", frame(600.0), frame(1200.0));
+    folder.write("calibration.json", &CALIBRATION.replace("\"frames\": []", &frames));
+    let apply = |name: &str, of_pixel: &dyn Fn(usize) -> u16| {
+        let data = (0..PIXELS).map(of_pixel).collect();
+        write_depth(folder.path(&format!("{name}/a.png")), &DepthImage { width: WIDTH, height: HEIGHT, data }).unwrap();
+        let (depth, out) = (folder.arg(name), folder.arg("out"));
+        support::run(["apply", &folder.arg("calibration.json"), &depth, "--unit-mm", "1", "--out", &out])
+    };
+    let within = apply("within", &|i| 600 + (i % 600) as u16);
+    assert!(within.status.success() && !stderr(&within).contains("warning"), "{}", stderr(&within));
+    let beyond = apply("beyond", &|i| if i % 4 == 0 { 4000 } else { 900 });
+    let message = stderr(&beyond);
+    assert!(beyond.status.success(), "{message}");
+    for part in ["25.0 % of the pixels", "farther (25.0 %)", "extrapolates", "--mask"] {
+        assert!(message.contains(part), "{message}");
+    }
+    let metres = apply("metres", &|i| 1 + (i % 2) as u16);
+    assert_eq!(metres.status.code(), Some(1));
+    let message = stderr(&metres);
+    assert!(message.contains("metres") && message.contains("--unit-mm 1000"), "{message}");
+}
+
 /// The files of a camera whose dataset held disparities hold them, too: 1/z = a + b d.
 #[test]
 fn bare_files_of_a_disparity_camera_are_disparities() {

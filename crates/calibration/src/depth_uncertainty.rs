@@ -41,9 +41,14 @@ pub fn uncertain_depth(record: &Calibration, placed: &PlacedCamera) -> Option<Un
         ..Context::default()
     };
     let mut depth = UncertainDepth::new(&uncertain, noise, conditions);
-    let poses: Vec<_> = record.frames.iter().map(|f| placed.camera_from_rig * rig_from_board(f)).collect();
-    depth.support = Support::of_boards(&placed.camera, record.target.marker_rectangle(), &poses);
+    depth.support = support_of(record, placed);
     Some(depth)
+}
+
+/// Where a camera of a calibration saw boards, and at which distances; `None` where it saw none.
+pub fn support_of(record: &Calibration, placed: &PlacedCamera) -> Option<Support> {
+    let poses: Vec<_> = record.frames.iter().map(|f| placed.camera_from_rig * rig_from_board(f)).collect();
+    Support::of_boards(&placed.camera, record.target.marker_rectangle(), &poses)
 }
 
 /// The further quantities of a calibration's frames at their medians.

@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 
 use super::images::{by_stem, images_in, read_color, stem};
 use super::job::Job;
+use super::reach::{Beyond, Reach};
 use super::register::{RigRegister, register};
 use super::resume::Resume;
 use super::stream::StreamContext;
@@ -99,6 +100,7 @@ impl Apply {
         self.check_names(&jobs)?;
         let corrector = self.corrector(&calibration, &camera)?;
         warn_of_missing(&corrector, &jobs);
+        let reach = Reach::of(&calibration, &named(&calibration, &camera));
 
         check_writable(self.folder()).map_err(input)?;
         let resume = Resume::open(self.folder(), &self.calibration, &self.written)?;
@@ -111,29 +113,35 @@ impl Apply {
 
         let progress = Progress::new("checking images", jobs.len());
         jobs.par_iter().try_for_each(|job| -> Result<(), Failure> {
-            job.read(&corrector)?;
+            let (depth, _) = job.read(&corrector)?;
             progress.advance();
-            Ok(())
+            reach.as_ref().map_or(Ok(()), |reach| reach.check_unit(&depth, job))
         })?;
         drop(progress);
         resume.begin(done.iter())?;
         let progress = Progress::new("correcting", jobs.len());
-        let summary = jobs
+        let (summary, beyond) = jobs
             .par_iter()
             .map(|job| -> Result<_, Failure> {
-                let summary = self.correct(job, &corrector)?;
+                let of_job = self.correct(job, &corrector, reach.as_ref())?;
                 resume.completed(job)?;
                 progress.advance();
-                Ok(summary)
+                Ok(of_job)
             })
-            .try_reduce(CorrectionSummary::default, |a, b| Ok(a + b))?;
+            .try_reduce(Default::default, |a, b| Ok((a.0 + b.0, a.1 + b.1)))?;
         drop(progress);
         resume.end();
+        if let Some(warning) = reach.and_then(|reach| reach.warning(beyond)) {
+            complaint("warning", 0, format_args!("{warning}"));
+        }
         self.print(jobs.len(), summary);
         let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
-        let pixels = json!({
+        let mut pixels = json!({
             "corrected": corrected, "saturated": saturated, "without_depth": invalid, "not_correctable": not_correctable,
         });
+        for (name, count) in beyond.record() {
+            pixels[name] = count;
+        }
         Ok(
             json!({ "frames": jobs.len(), "complete_before": all - jobs.len(), "pixels": pixels, "written": [self.folder()] }),
         )
@@ -146,9 +154,8 @@ impl Apply {
         if !self.written.uncertainty.any() {
             return Ok(corrector);
         }
-        let placed = PlacedCamera { name: calibration.camera.name.clone(), ..unnamed_camera(camera.clone()) };
-        let depth =
-            uncertain_depth(calibration, &placed).ok_or_else(|| of_calibration(CorrectorError::NoUncertainty))?;
+        let depth = uncertain_depth(calibration, &named(calibration, camera))
+            .ok_or_else(|| of_calibration(CorrectorError::NoUncertainty))?;
         if !depth.has_covariance() {
             let message = format_args!(
                 "the calibration has no covariance, so that the uncertainty is that of noise alone: calibrate again with \
@@ -266,7 +273,12 @@ impl Apply {
         std::iter::once(image).chain(cloud).chain(uncertainty).collect()
     }
 
-    fn correct(&self, job: &Job, corrector: &Corrector) -> Result<CorrectionSummary, Failure> {
+    fn correct(
+        &self,
+        job: &Job,
+        corrector: &Corrector,
+        reach: Option<&Reach>,
+    ) -> Result<(CorrectionSummary, Beyond), Failure> {
         let of_job = |error| Failure::Input(format!("{}: {error}", job.depth.display()));
         let (depth, image) = job.read(corrector)?;
         let context = FrameContext {
@@ -289,7 +301,7 @@ impl Apply {
             self.written.uncertainty.write(measured_mm, corrector, &context, &self.target(&job.depth))?;
         }
         write_depth_frame(self.target(&job.depth), &corrected).map_err(input)?;
-        Ok(summary)
+        Ok((summary, reach.map_or_else(Beyond::default, |reach| reach.beyond(&depth, job.unit_mm))))
     }
 
     fn print(&self, frames: usize, summary: CorrectionSummary) {
@@ -430,6 +442,11 @@ impl Apply {
         }
         Ok(())
     }
+}
+
+/// The first camera of a calibration.
+fn named(calibration: &Calibration, camera: &Camera) -> PlacedCamera {
+    PlacedCamera { name: calibration.camera.name.clone(), ..unnamed_camera(camera.clone()) }
 }
 
 /// Warns of effects of the calibration that cannot be corrected because frames lack the quantity that they depend on.

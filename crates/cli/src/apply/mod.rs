@@ -3,6 +3,7 @@
 mod command;
 mod images;
 mod job;
+mod reach;
 mod register;
 mod resume;
 mod stream;
