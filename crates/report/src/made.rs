@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::format::fixed;
 use super::html::escape;
 use super::input::Made;
-use depthcal_calibration::stage_clock::in_words;
+use depthcal_calibration::stage_clock::{StageTime, in_words};
 
 /// The command line and a table of the stages' times as HTML, below the heading; nothing where neither is known.
 pub(super) fn made(made: &Made) -> String {
@@ -18,10 +18,11 @@ pub(super) fn made(made: &Made) -> String {
         return html;
     }
     let mut rows = String::new();
-    let remaining = [("everything else", times.rest_s())];
-    for (stage, seconds) in times.stages.iter().map(|s| (s.stage.as_str(), s.seconds)).chain(remaining) {
+    let mut kinds = by_kind(&times.stages);
+    kinds.push(("everything else".to_owned(), times.rest_s()));
+    for (stage, seconds) in kinds {
         let share = fixed(100.0 * seconds / times.elapsed_s.max(f64::MIN_POSITIVE), 1);
-        let (stage, time) = (escape(stage), in_words(seconds));
+        let (stage, time) = (escape(&stage), in_words(seconds));
         let _ = writeln!(rows, "<tr><th scope=\"row\">{stage}</th><td>{time}</td><td>{share} %</td></tr>");
     }
     let all = in_words(times.elapsed_s);
@@ -34,9 +35,31 @@ pub(super) fn made(made: &Made) -> String {
     html
 }
 
+/// Stages with their times, those that differ by the round and the model only as one: a diagnosis fits dozens of models.
+fn by_kind(stages: &[StageTime]) -> Vec<(String, f64)> {
+    let mut kinds: Vec<(String, usize, f64)> = Vec::new();
+    for StageTime { stage, seconds } in stages {
+        let (what, model) = stage.split_once(" (").unwrap_or((stage, ""));
+        let round = what.split_once(", round ").and_then(|(doing, after)| Some((doing, after.split_once(':')?.1)));
+        let kind = match round {
+            Some((doing, what)) => format!("{doing}:{what}"),
+            None if model.is_empty() => stage.clone(),
+            None => what.to_owned(),
+        };
+        match kinds.iter_mut().find(|(known, ..)| *known == kind) {
+            Some((_, times, sum)) => (*times, *sum) = (*times + 1, *sum + seconds),
+            None => kinds.push((kind, 1, *seconds)),
+        }
+    }
+    let named = |(kind, times, sum): (String, usize, f64)| {
+        (if times > 1 { format!("{kind}, {times} times") } else { kind }, sum)
+    };
+    kinds.into_iter().map(named).collect()
+}
+
 #[cfg(test)]
 mod tests {
-    use depthcal_calibration::stage_clock::{StageTime, StageTimes};
+    use depthcal_calibration::stage_clock::StageTimes;
 
     use super::*;
 
@@ -55,6 +78,8 @@ mod tests {
             assert!(html.contains(row), "{html}");
         }
         assert!(html.contains("everything else</th><td>500 ms</td><td>12.5 %"), "{html}");
+        let of_loop = ["diagnosing: fitting (the declared model)", "diagnosing, round 2: fitting (board_bow)"];
+        assert_eq!(by_kind(&of_loop.map(|name| stage(name, 1.5))), [("diagnosing: fitting, 2 times".to_owned(), 3.0)]);
         assert_eq!(made(&Made::default()), "");
         assert!(!made(&Made { command_line, ..Made::default() }).contains("<table"));
     }

@@ -21,6 +21,8 @@ use depthcal_statistics::quantile;
 const WORTH_PERCENT: f64 = 0.5;
 /// Names of effects in the headline, where at least two more would follow.
 const HEADLINE_NAMES: usize = 3;
+/// Causes that are told with what a person can do, and steps that are told with all their numbers, where there are more.
+const TOLD: usize = 3;
 /// Most recommendations of captures on the first screen.
 const NEXT: usize = 3;
 
@@ -177,9 +179,11 @@ fn place(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
     text
 }
 
-/// Significant effects in plain words, each with what a person can do about it.
+/// Significant effects in plain words, those that gain most with what a person can do about them.
 fn why(d: &ReportDiagnosis<'_>) -> String {
-    let certain = d.steps_by_certainty(true);
+    let mut certain = d.steps_by_certainty(true);
+    let gain = |step: &DiagnosisStep| step.gain().map_or(0.0, |gain| gain.value);
+    certain.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
     let mut parts = causes(d, &certain);
     if parts.is_empty() {
         parts.push(match d.record.verdict {
@@ -201,7 +205,7 @@ fn why(d: &ReportDiagnosis<'_>) -> String {
     sentences(&parts)
 }
 
-/// The causes that steps name, with their sizes and remedies. Functions without a known cause share a sentence.
+/// The causes that steps name, with their sizes, the first with remedies. Functions without a known cause share a sentence.
 fn causes(d: &ReportDiagnosis<'_>, steps: &[&DiagnosisStep]) -> Vec<String> {
     let mut causes: Vec<([&str; 2], Vec<String>)> = Vec::new();
     for step in steps {
@@ -214,11 +218,13 @@ fn causes(d: &ReportDiagnosis<'_>, steps: &[&DiagnosisStep]) -> Vec<String> {
             None => causes.push((cause, vec![effect])),
         }
     }
-    let sentence = |([cause, remedy], effects): ([&str; 2], Vec<String>)| {
-        let remedy = if remedy.is_empty() { String::new() } else { format!(": {remedy}") };
+    let all = causes.len() <= TOLD + 1;
+    let sentence = |(number, ([cause, remedy], effects)): (usize, ([&str; 2], Vec<String>))| {
+        let is_told = all || number < TOLD;
+        let remedy = if remedy.is_empty() || !is_told { String::new() } else { format!(": {remedy}") };
         format!("{cause} ({}){remedy}", effects.join("; "))
     };
-    causes.into_iter().map(sentence).collect()
+    causes.into_iter().enumerate().map(sentence).collect()
 }
 
 /// A change of the depth error: `16.5 % less (95 % interval 13.5 to 20.1 %)`.
@@ -248,8 +254,28 @@ fn added(d: &ReportDiagnosis<'_>) -> String {
         let tested = d.record.rounds.first().map_or(0, |r| r.effects.len());
         return format!("Nothing; {} were tested.{}", count(tested, "effect"), not_certain(d));
     }
-    let certain: Vec<String> = d.steps_by_certainty(true).into_iter().map(step_words).collect();
-    format!("{}{}", certain.join(" "), not_certain(d)).trim_start().to_owned()
+    let certain = d.steps_by_certainty(true);
+    let words = if certain.len() > TOLD {
+        errors_along(&certain)
+    } else {
+        certain.into_iter().map(step_words).collect::<Vec<_>>().join(" ")
+    };
+    format!("{words}{}", not_certain(d)).trim_start().to_owned()
+}
+
+/// The held-out depth error after every one of many steps, in one sentence.
+fn errors_along(steps: &[&DiagnosisStep]) -> String {
+    let error = |mm: Option<f64>| number(mm.unwrap_or(f64::NAN));
+    let along = |step: &&DiagnosisStep| {
+        format!("with {} {}", step.effects.first().map_or("", String::as_str), error(step.after.depth_rms_mm))
+    };
+    let words: Vec<String> = steps.iter().map(along).collect();
+    let before = steps.first().and_then(|step| step.before.depth_rms_mm);
+    format!(
+        "The depth error on held-out frames was {} mm; {} mm. The gain of each, given all others, is in the chart.",
+        error(before),
+        join(&words)
+    )
 }
 
 /// Effects that may be missing, and those that were added although their gain may be chance, with a space before; empty where
