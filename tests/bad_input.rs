@@ -294,3 +294,25 @@ fn an_evaluation_is_not_written_beside_another_calibration() {
     let calibration = folder.arg("out/calibration.json");
     fails(["evaluate", &calibration, "missing", "--out", &out], &["missing", "dataset.toml"]);
 }
+
+/// Every command that uses depth holds it against the boards that the images show, not `calibrate` alone.
+#[test]
+fn depth_that_contradicts_its_images_is_refused_by_every_command() {
+    let folder = Folder::new();
+    let [good, spoiled, out] = ["good", "spoiled", "out"].map(|name| folder.arg(name));
+    for data in [&good, &spoiled] {
+        succeeds(["simulate", "--camera", "1", "--kind", "general1", "--frames", "12", "--seed", "3", "--out", data]);
+    }
+    for name in folder.names("spoiled/depth") {
+        let path = folder.path("spoiled/depth").join(&name);
+        let mut depth = read_depth(&path).unwrap();
+        depth.data.chunks_exact_mut(depth.width).for_each(<[u16]>::reverse);
+        write_depth(&path, &depth).unwrap();
+    }
+    succeeds(["calibrate", &good, "--out", &out]);
+    let parts = ["mirrored"];
+    fails(["calibrate", &spoiled, "--estimator", "linear"], &parts);
+    fails(["evaluate", &out, &spoiled], &parts);
+    fails(["compare", &spoiled, "--models", "none,projective", "--learning", "0"], &parts);
+    fails(["diagnose", &good, "--verify", &spoiled], &parts);
+}

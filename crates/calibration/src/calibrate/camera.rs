@@ -7,7 +7,7 @@ use tracing::info;
 
 use super::calibrated_camera::CalibratedCamera;
 use super::camera_options::{CameraOptions, Estimator};
-use super::checked_sample::checked_sample;
+use super::checked_sample::{check_depth, checked_sample};
 use super::error::CalibrateError;
 use super::foreign_depth::drop_foreign_depth;
 use super::held::hold;
@@ -80,6 +80,7 @@ pub fn calibrate_depth(
             Ok(CalibratedCamera { lens_choice, lens_comparison, foreign_depth, ..fit })
         }
         other => {
+            check_depth(&from_image.capture, &from_image.camera, options)?;
             let _stage = options.progress.stage("estimating D from markers");
             estimate(from_image, depth_blocks, other)
         }

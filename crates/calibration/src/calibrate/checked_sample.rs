@@ -1,26 +1,31 @@
 //! Depth samples of a capture whose depth is what it is declared to be.
 
 use depthcal_model::{Camera, Modulation};
+use rayon::prelude::*;
 use tracing::warn;
 
 use super::camera_options::CameraOptions;
 use super::depth_scale::{check_scale, scale_hint};
 use super::error::CalibrateError;
 use super::joint::sample;
+use crate::adjust::blocks::is_depth_only;
 use crate::cause::{DepthFinding, examine_depth};
-use crate::observe::{CameraFrames, PosedFrame, SampledFrame};
+use crate::observe::{CameraFrames, DetectedFrame, DroppedFrame, PosedFrame, SampledFrame};
+use crate::start::{FEWEST_FRAMES, FrameMarkers, estimate_pose};
 
-/// [`sample`], where depth does not contradict the boards that the images show.
+/// [`sample`], where depth does not contradict the boards that the images show; without frames whose depth is that of another
+/// image.
 ///
 /// # Errors
 ///
 /// [`CalibrateError::Depth`] with the cause, [`CalibrateError::DepthUnexplained`], [`CalibrateError::Scale`], and of [`sample`].
 pub(super) fn checked_sample(
-    capture: CameraFrames<PosedFrame>,
+    mut capture: CameraFrames<PosedFrame>,
     camera: &Camera,
     light: Option<Modulation>,
     options: &CameraOptions,
 ) -> Result<(CameraFrames<SampledFrame>, Option<usize>), CalibrateError> {
+    drop_repeated_depth(&mut capture);
     let finding = examine_depth(&capture, camera)?;
     if let DepthFinding::Cause(cause) = finding {
         if !cause.is_range_only() {
@@ -38,6 +43,77 @@ pub(super) fn checked_sample(
         ) if deviation.is_finite() => Err(CalibrateError::DepthUnexplained { deviation }),
         (sampled, _) => sampled,
     }
+}
+
+/// Drops frames whose depth is, to the bit, that of an earlier frame with another image: it was recorded at a lower rate, or copied.
+fn drop_repeated_depth(capture: &mut CameraFrames<PosedFrame>) {
+    let mut kept: Vec<PosedFrame> = Vec::with_capacity(capture.frames.len());
+    let mut dropped = Vec::new();
+    for frame in std::mem::take(&mut capture.frames) {
+        let is_same = |earlier: &&PosedFrame| {
+            earlier.detected.has_depth_of(&frame.detected) && earlier.detected.markers != frame.detected.markers
+        };
+        match kept.iter().find(is_same).map(|earlier| earlier.detected.name.clone()) {
+            Some(earlier) => dropped.push(DroppedFrame {
+                name: frame.detected.name.clone(),
+                reason: format!("its depth image is that of frame {earlier}, though its image is another: one of the two has no depth of its own"),
+            }),
+            None => kept.push(frame),
+        }
+    }
+    capture.frames = kept;
+    if let Some(first) = dropped.first() {
+        warn!(
+            "{}: {} of {} frames are dropped, such as {}: {}; record depth as often as images, or leave out frames without depth of their own",
+            capture.name,
+            dropped.len(),
+            dropped.len() + capture.frames.len(),
+            first.name,
+            first.reason
+        );
+    }
+    capture.dropped.extend(dropped);
+}
+
+/// Holds the depth of a capture as it is declared against the boards that the images show.
+///
+/// # Errors
+///
+/// As [`checked_sample`].
+pub(super) fn check_depth(
+    capture: &CameraFrames<PosedFrame>,
+    camera: &Camera,
+    options: &CameraOptions,
+) -> Result<(), CalibrateError> {
+    checked_sample(capture.clone(), camera, None, options).map(drop)
+}
+
+/// Holds the depth of a capture that a calibrated camera is evaluated on against the boards that its images show. Fewer frames than
+/// a calibration needs say nothing.
+///
+/// # Errors
+///
+/// [`CalibrateError::Depth`] with the cause, [`CalibrateError::DepthUnexplained`], [`CalibrateError::Scale`],
+/// [`CalibrateError::NoDepthOnBoard`].
+pub fn check_declared_depth(
+    camera: &Camera,
+    capture: &CameraFrames,
+    options: &CameraOptions,
+) -> Result<(), CalibrateError> {
+    if !capture.has_depth() {
+        return Ok(());
+    }
+    let bare = camera.filtered(|block| !is_depth_only(block));
+    let posed = |frame: &DetectedFrame| {
+        let markers = FrameMarkers { name: &frame.name, markers: &frame.markers };
+        let camera_from_board = estimate_pose(&bare, &capture.target, &markers).ok()?.camera_from_board;
+        Some(PosedFrame { detected: frame.clone(), camera_from_board })
+    };
+    let posed: Vec<PosedFrame> = capture.frames.par_iter().filter_map(posed).collect();
+    if posed.len() < FEWEST_FRAMES {
+        return Ok(());
+    }
+    check_depth(&capture.with_frames(posed), &bare, options)
 }
 
 fn sampled_in_scale(

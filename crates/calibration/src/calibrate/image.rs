@@ -53,7 +53,13 @@ pub(crate) fn calibrate_image_or_cause(
     let result = calibrate_image(capture, options).inspect(hint_at_stretched_board);
     #[cfg(feature = "detect")]
     let result = result.map_err(|error| {
-        let is_of_markers = !matches!(error, CalibrateError::Register(_) | CalibrateError::UnknownHeld { .. });
+        // Boards are parallel only as far as their markers agree with the declared ones.
+        let is_of_markers = !matches!(
+            error,
+            CalibrateError::Register(_)
+                | CalibrateError::UnknownHeld { .. }
+                | CalibrateError::Start(StartError::ParallelBoards { .. })
+        );
         let frames = capture.frames.iter().filter(|_| is_of_markers).map(|frame| &frame.raw);
         match crate::cause::board_cause(&capture.target, frames) {
             Some(cause) => CalibrateError::Board { cause: Box::new(cause), source: Box::new(error) },

@@ -50,6 +50,7 @@ pub use calibrated_camera::CalibratedCamera;
 pub(crate) use camera::light_of_samples;
 pub use camera::{calibrate_camera, calibrate_depth, calibrate_keeping_samples, prepare_depth};
 pub use camera_options::{CameraOptions, Estimator};
+pub use checked_sample::check_declared_depth;
 pub(crate) use contradiction::check_evidence;
 pub use depth_scale::{ImplausibleScale, PLAUSIBLE_SCALE_DEVIATION, implausible_scale};
 pub use driver::calibrate;

@@ -1,7 +1,7 @@
 //! The comparison: every variant fitted and evaluated, then ranked.
 
 use depthcal_io::{Comparison, DatasetEvaluation, ModelComparison};
-use depthcal_model::RegisterError;
+use depthcal_model::Camera;
 use rayon::prelude::*;
 
 use super::errors::{FrameErrors, errors, frame_errors};
@@ -13,20 +13,26 @@ use super::ranking::{EvaluatedVariant, rank};
 use super::stability::stability;
 use super::variants::{Variant, thesis_variants};
 use super::verdict::verdict;
-use crate::calibrate::{CameraOptions, Estimator};
-use crate::judge::camera::{EvaluatedCamera, evaluate_camera};
+use crate::calibrate::{CalibrateError, CameraOptions, Estimator, check_declared_depth};
+use crate::judge::camera::{EvaluatedCamera, evaluate_part};
+use crate::judge::cross_validation::thinning;
 use crate::observe::CameraFrames;
+
+/// Board pixels of a frame on which models are compared, about: a board that fills the image has ten times as many, which would
+/// take as much longer and say the same.
+const COMPARED_PIXELS: usize = 20_000;
 
 /// Fits depth models to `train` and compares their errors on `verify`; where that is empty, on held-out frames of `train`.
 ///
 /// # Errors
 ///
-/// [`RegisterError`] where a model's name is wrong. Models that cannot be fitted are listed with the reason.
+/// [`CalibrateError`] where a model's name is wrong, or where depth contradicts the boards that the images show. Models that cannot
+/// be fitted are listed with the reason.
 pub fn compare(
     train: &CameraFrames,
     verify: &[CameraFrames],
     options: &CompareOptions,
-) -> Result<Comparison, RegisterError> {
+) -> Result<Comparison, CalibrateError> {
     let base = &options.calibrate;
     for model in &options.models {
         base.register.depth_blocks(model)?;
@@ -43,6 +49,12 @@ pub fn compare(
     lenses.dedup();
     let from_images = base.progress.stage("image calibration");
     let whole = ImageCalibrations::new(train.clone(), &lenses, base);
+    // Every model would fail for the same reason, or, which is worse, not fail.
+    if let Some(Ok(from_images)) = whole.by_lens.values().find(|calibrated| calibrated.is_ok()) {
+        for capture in std::iter::once(train).chain(verify) {
+            check_declared_depth(&from_images.camera, capture, base)?;
+        }
+    }
     // Cross-validation: every fold's fit, and the frames that it holds out.
     let folds: Vec<(ImageCalibrations, CameraFrames)> = if verify.is_empty() {
         let part = |fold: usize| {
@@ -116,14 +128,17 @@ fn fit_and_evaluate(
     let fitted = whole.fit(variant, base)?;
     record.parameters = fitted.camera.blocks().iter().map(|b| b.free.iter().filter(|f| **f).count()).sum();
     record.effective_parameters = effective_parameters(&fitted);
-    let on_train = evaluate_camera(&fitted.camera, &whole.capture);
+    let thinning = thinning(&fitted, COMPARED_PIXELS);
+    let evaluate =
+        |camera: &Camera, capture: &CameraFrames| evaluate_part(camera, capture, thinning, capture.frames.len());
+    let on_train = evaluate(&fitted.camera, &whole.capture);
     record.fit = errors(&[frame_errors(&on_train)]);
     let mut evaluations = vec![on_train];
     if folds.is_empty() {
-        evaluations.extend(verify.par_iter().map(|c| evaluate_camera(&fitted.camera, c)).collect::<Vec<_>>());
+        evaluations.extend(verify.par_iter().map(|c| evaluate(&fitted.camera, c)).collect::<Vec<_>>());
     } else {
         let parts: Result<Vec<EvaluatedCamera>, String> =
-            folds.par_iter().map(|(rest, held)| Ok(evaluate_camera(&rest.fit(variant, base)?.camera, held))).collect();
+            folds.par_iter().map(|(rest, held)| Ok(evaluate(&rest.fit(variant, base)?.camera, held))).collect();
         let name = format!("{} (frames left out)", whole.capture.name);
         let mut all = EvaluatedCamera { name, frames: Vec::new(), dropped: Vec::new() };
         for part in parts? {

@@ -12,11 +12,15 @@ use super::image_calibrations::ImageCalibrations;
 use super::options::CompareOptions;
 use super::variants::Variant;
 use crate::calibrate::Estimator;
-use crate::judge::camera::evaluate_camera;
+use crate::judge::camera::evaluate_part;
+use crate::judge::cross_validation::thinning;
 use crate::observe::CameraFrames;
 
 /// Seed of the random choice of frames: the same input gives the same choice.
 const SEED: u64 = 0x6c65_6172_6e00;
+
+/// Board pixels of a frame on which the fits are judged, about.
+const JUDGED_PIXELS: usize = 5000;
 
 /// Errors of fits to random subsets of the training frames, the same subsets for all models, on the other datasets; where
 /// there are none, on all training frames that the fit did not see.
@@ -58,8 +62,10 @@ pub(super) fn learning_curve(
                 let from_image = ImageCalibrations::new(fitted, &[options.calibrate.lens.as_str()], &options.calibrate);
                 let errors_of = |model: &ModelSpec| {
                     let variant = Variant::new(model, &options.calibrate.lens, Estimator::Joint);
-                    let camera = from_image.fit(&variant, &options.calibrate)?.camera;
-                    Ok(held_out.par_iter().map(|c| frame_errors(&evaluate_camera(&camera, c))).collect())
+                    let fit = from_image.fit(&variant, &options.calibrate)?;
+                    let thinning = thinning(&fit, JUDGED_PIXELS);
+                    let judged = |c: &CameraFrames| evaluate_part(&fit.camera, c, thinning, c.frames.len());
+                    Ok(held_out.par_iter().map(|c| frame_errors(&judged(c))).collect())
                 };
                 options.models.par_iter().map(errors_of).collect()
             })

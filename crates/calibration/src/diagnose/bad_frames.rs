@@ -107,7 +107,7 @@ pub fn without_duplicates(capture: &CameraFrames, thresholds: &Thresholds) -> (C
             && a.markers.iter().zip(&b.markers).all(|(m, n)| m.index == n.index && m.pixel == n.pixel)
     };
     for frame in &capture.frames {
-        let earlier = unique.iter().find(|k| same_markers(k, frame) || same_depth(k, frame));
+        let earlier = unique.iter().find(|k| same_markers(k, frame) || k.has_depth_of(frame));
         match earlier {
             Some(earlier) => {
                 let original = earlier.name.clone();
@@ -122,9 +122,4 @@ pub fn without_duplicates(capture: &CameraFrames, thresholds: &Thresholds) -> (C
         }
     }
     (capture.subset(|_, f| bad.iter().all(|b| b.name != f.name)), bad)
-}
-
-/// Whether two frames have the same depth image, and any depth in it.
-fn same_depth(a: &DetectedFrame, b: &DetectedFrame) -> bool {
-    a.depth_digest.is_some() && a.depth_digest == b.depth_digest
 }

@@ -101,7 +101,7 @@ pub fn cross_validate_thinned(
 }
 
 /// Which pixels are judged where about `most` of a frame are wanted on average: the same share of every frame's.
-fn thinning(fit: &CalibratedCamera, most: usize) -> Thinning {
+pub(crate) fn thinning(fit: &CalibratedCamera, most: usize) -> Thinning {
     let frames = &fit.capture.frames;
     // Where frames have single pixels instead of images, these are all judged.
     if frames.iter().any(|f| !f.raw.depth_pixels().is_empty()) {

@@ -167,6 +167,15 @@ pub struct DetectedFrame {
     pub wrong_markers: Vec<MarkerObservation>,
 }
 
+impl DetectedFrame {
+    /// Whether another frame has the same depth image, to the bit, and any depth in it. Frames of several boards that one image
+    /// shows share it rightly.
+    pub fn has_depth_of(&self, other: &Self) -> bool {
+        let is_of_same_board = self.raw.board == other.raw.board;
+        is_of_same_board && self.raw.depth_digest.is_some() && self.raw.depth_digest == other.raw.depth_digest
+    }
+}
+
 /// A frame whose board has a pose.
 #[derive(Debug, Clone)]
 pub struct PosedFrame {

@@ -11,11 +11,12 @@ use super::made::Made;
 use super::report_input::{ReportCamera, ReportInput, ReportRig, Role};
 use super::results::{Results, Shown};
 use super::unlike_calibration::UnlikeCalibration;
+use crate::calibrate::{CameraOptions, check_declared_depth};
 use crate::judge::camera::evaluate_camera;
 use crate::judge::evaluate::{Evaluated, evaluate};
 use crate::judge::table::table;
 use crate::load::{Loaded, LoadedCamera};
-use crate::observe::PlacedCamera;
+use crate::observe::{CameraCapture, Capture, PlacedCamera};
 use crate::progress::ProgressHandle;
 
 /// Errors of a calibration on datasets, one after another.
@@ -37,7 +38,7 @@ impl Evaluations {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Unlike`], [`TaskError::Load`].
+    /// [`TaskError::Unlike`], [`TaskError::Load`]; [`TaskError::Calibrate`] where depth contradicts the boards that the images show.
     pub fn add(&mut self, loaded: &Loaded, path: &Path, progress: &ProgressHandle) -> Result<Vec<String>, TaskError> {
         let role = match &self.calibration {
             Some(calibration) if loaded.is_fitted_by(calibration) => Role::Fitted,
@@ -51,12 +52,18 @@ impl Evaluations {
                     return Err(UnlikeCalibration::Size { path, found: actual, expected }.into());
                 }
                 let _stage = progress.stage("evaluation");
+                let options = CameraOptions { progress: progress.clone(), ..CameraOptions::default() };
+                check_declared_depth(&placed.camera, &camera.capture, &options)?;
                 (Evaluated::of_camera(&placed.name, evaluate_camera(&placed.camera, &camera.capture)), Vec::new())
             }
             None => {
                 let missing = missing_cameras(&self.cameras, loaded, path)?;
                 let capture = loaded.observed();
                 let _stage = progress.stage("evaluation");
+                let options = CameraOptions { progress: progress.clone(), ..CameraOptions::default() };
+                for (placed, camera) in pairs(&self.cameras, &capture) {
+                    check_declared_depth(&placed.camera, &camera.capture, &options)?;
+                }
                 (evaluate(&self.cameras, &capture), missing)
             }
         };
@@ -97,6 +104,15 @@ impl Evaluations {
     pub fn table(&self) -> String {
         table(&self.record().datasets, self.fitted_name())
     }
+}
+
+/// Placed cameras with what the cameras of their names have seen.
+fn pairs<'a>(
+    cameras: &'a [PlacedCamera],
+    capture: &'a Capture,
+) -> impl Iterator<Item = (&'a PlacedCamera, &'a CameraCapture)> {
+    let seen = |placed: &&PlacedCamera| capture.cameras.iter().find(|camera| camera.name == placed.name);
+    cameras.iter().filter_map(move |placed| Some((placed, seen(&placed)?)))
 }
 
 fn size(camera: &LoadedCamera) -> [usize; 2] {
