@@ -16,10 +16,18 @@ pub(super) fn pseudo_solve(matrix: &DMatrix<f64>, rhs: &DVector<f64>, negligible
     let n = matrix.nrows();
     let scale = matrix.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scaled = DMatrix::from_fn(n, n, |i, k| scale[i] * matrix[(i, k)] * scale[k]);
-    match regular_cholesky(scaled, negligible) {
-        Some(cholesky) => cholesky.solve(&rhs.component_mul(&scale)).component_mul(&scale),
-        None => pseudo_inverse(matrix, negligible) * rhs,
-    }
+    let scaled_rhs = rhs.component_mul(&scale);
+    let solution = match regular_cholesky(scaled.clone(), negligible) {
+        Some(cholesky) => cholesky.solve(&scaled_rhs),
+        None => {
+            let eigen = SymmetricEigen::new(scaled);
+            let along = eigen.eigenvectors.tr_mul(&scaled_rhs);
+            let divided =
+                along.zip_map(&eigen.eigenvalues, |x, value| if value > negligible { x / value } else { 0.0 });
+            eigen.eigenvectors * divided
+        }
+    };
+    solution.component_mul(&scale)
 }
 
 /// The Cholesky factorisation of a matrix with a unit diagonal, if all pivots are well above the limit: far cheaper than

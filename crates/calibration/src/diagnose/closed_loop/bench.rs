@@ -7,7 +7,7 @@ use depthcal_solver::score::ScoreError;
 use super::augmented_model::AugmentedModel;
 use crate::calibrate::{CalibrateError, CalibratedCamera, CameraOptions};
 use crate::diagnose::added_effect::AddedEffect;
-use crate::diagnose::discovery::{Chance, Component, Search};
+use crate::diagnose::discovery::{Chance, Component, OfCovariates, Search};
 use crate::diagnose::examination::{EffectTest, Examination};
 use crate::diagnose::held_out::{Gain, HeldOut, gain};
 use crate::diagnose::options::CameraDiagnoseOptions;
@@ -81,14 +81,14 @@ pub(super) trait Bench {
         taken: &[String],
     ) -> Search;
 
-    /// A formula of some covariates, of which a function is known to explain what a fit leaves.
+    /// A formula of some covariates, of which a function is known to explain what a fit leaves; `None` where there is none.
     fn formula_of(
         &self,
         covariates: &[String],
         fit: &CalibratedCamera,
         examination: &Examination,
         taken: &[String],
-    ) -> Search;
+    ) -> Option<OfCovariates>;
 
     /// The functions that what a fit leaves depends on, each certain given all others, with none of the names `taken`.
     fn components(&self, fit: &CalibratedCamera, taken: &[String]) -> Vec<Component>;

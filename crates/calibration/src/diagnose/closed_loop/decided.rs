@@ -1,5 +1,6 @@
 //! The decision of a round, without effects that are refuted.
 
+use depthcal_model::hook::HookKind;
 use depthcal_solver::score::ScoreError;
 
 use super::state::Memory;
@@ -41,7 +42,24 @@ pub(super) fn decided(
         let small = share.filter(|(_, share)| *share < thresholds.least_explained_of_own);
         Ok(small.map(|(along, explained)| Refutation::OwnFunction { along, explained }))
     };
-    without_refuted(examination, &frame_planes(fit), memory, thresholds, refutation)
+    let mut decided = without_refuted(examination, &frame_planes(fit), memory, thresholds, refutation)?;
+    if let Decision::Add { effect, indistinguishable, .. } = &mut decided.decision
+        && !shows_in_images(fit, register, &examination.evidence[*effect], &[], thresholds)?
+    {
+        indistinguishable.extend(rivals_of_depth(examination, *effect));
+    }
+    Ok(decided)
+}
+
+/// Share of an effect's gain from which on an effect of depth may be what an effect of the lens is taken for.
+const RIVALS: f64 = 0.9;
+
+/// Names of the effects of depth that explain nearly as much as an effect of the lens that images do not show: poses take up what
+/// it does to images, such as a focal length that changes with distance, so that depth alone speaks for it.
+fn rivals_of_depth(examination: &Examination, effect: usize) -> Vec<String> {
+    let least = RIVALS * examination.evidence[effect].gain();
+    let rivals = examination.effects().filter(|e| e.block.hook() == HookKind::Depth && e.gain() >= least);
+    rivals.map(|e| e.name.clone()).collect()
 }
 
 /// Decides again until the decision proposes no effect that `refutation` refutes. It is given an effect, the others that are

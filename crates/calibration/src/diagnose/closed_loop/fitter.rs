@@ -14,7 +14,7 @@ use crate::calibrate::{
     CalibrateError, CalibratedCamera, CameraOptions, calibrate_keeping_samples, has_fields, image_blocks,
     light_of_samples, readjust, sampled_under,
 };
-use crate::diagnose::discovery::{self, Chance, Component, Search, additive_components};
+use crate::diagnose::discovery::{self, Chance, Component, OfCovariates, Search, additive_components};
 use crate::diagnose::examination::{EffectTest, Examination, examine, test_effect};
 use crate::diagnose::held_out::HeldOut;
 use crate::diagnose::options::CameraDiagnoseOptions;
@@ -24,10 +24,12 @@ use crate::judge::parts::Parts;
 use crate::observe::{CameraFrames, SampledFrame};
 use crate::progress::Job;
 
-/// Most board pixels of a frame, about, on which models are judged with frames left out singly …
-const JUDGED_PIXELS: usize = 4000;
-/// … and in blocks, which only decide.
-const JUDGED_PIXELS_OF_BLOCKS: usize = 2000;
+/// Most board pixels of a frame, about, on which models are judged with frames left out singly: at least so many, and …
+const JUDGED_PIXELS: usize = 2000;
+/// … for every marker so many, of which some lie close enough to it to tell its depth.
+const JUDGED_PIXELS_OF_A_MARKER: usize = 40;
+/// With frames left out in blocks, which only decides.
+const JUDGED_PIXELS_OF_BLOCKS: usize = 1000;
 
 /// Fits models to frames of a capture. Every fit starts from the last one that has the same effects in the images, with its known
 /// samples, so that the results depend on the order of fits.
@@ -166,7 +168,9 @@ impl Bench for OnFrames<'_> {
                     true => None,
                     false => Some(cross_validate_thinned(fit, folds, Parts::Blocks, JUDGED_PIXELS_OF_BLOCKS, model)?),
                 };
-                (cross_validate_thinned(fit, folds, Parts::Interleaved, JUDGED_PIXELS, model)?, blocks)
+                let of_markers = JUDGED_PIXELS_OF_A_MARKER * fit.capture.target.len();
+                let most = JUDGED_PIXELS.max(of_markers);
+                (cross_validate_thinned(fit, folds, Parts::Interleaved, most, model)?, blocks)
             }
         };
         Ok(HeldOut { errors: errors(&evaluated), evaluated: evaluated.into(), blocks: blocks.map(Into::into) })
@@ -206,7 +210,7 @@ impl Bench for OnFrames<'_> {
         fit: &CalibratedCamera,
         examination: &Examination,
         taken: &[String],
-    ) -> Search {
+    ) -> Option<OfCovariates> {
         let verify = self.verify_under(fit);
         discovery::search_of(covariates, fit, verify.as_ref(), examination, taken, self.thresholds())
     }

@@ -8,7 +8,7 @@ use super::bench::{Bench, Fitted};
 use super::formula::evidence_of;
 use crate::calibrate::CalibratedCamera;
 use crate::diagnose::added_effect::AddedEffect;
-use crate::diagnose::discovery::{Discovery, effects_of_board};
+use crate::diagnose::discovery::{Component, Discovery, effects_of_board};
 use crate::diagnose::held_out::Gain;
 use crate::diagnose::merit::significant;
 use crate::judge::cross_validation::weighted_gain_percent;
@@ -39,9 +39,14 @@ pub(super) fn functions(bench: &impl Bench, task: &Task<'_>) -> Option<(Model, V
     let is_quieter = noise_ratio(&base.fit, &incumbent.fit) < 1.0;
     let mut noise = if is_quieter { base.fit.noise } else { incumbent.fit.noise };
     let mut described: Option<(Model, Vec<f64>)> = None;
+    let mut last_found = Vec::new();
     for _ in 0..SEARCHES {
         let fit = CalibratedCamera { noise, ..base.fit.clone() };
-        let searched = functions_left(bench, (model, &fit), base)
+        let components = bench.components(&fit, &model.names(&base.fit));
+        let found = components.iter().map(|c| c.description.effect.definition().clone()).collect();
+        // The same functions would be fitted as before.
+        let is_new = std::mem::replace(&mut last_found, found) != last_found;
+        let searched = if is_new { with_components(bench, model, base, components) } else { None }
             .map(|(with, shares)| (with_effects_of_board(bench, with), shares));
         let better = searched.filter(|((_, with), _)| described.as_ref().is_none_or(|((_, b), _)| falls(b, with)));
         let next = match (better, &described) {
@@ -65,7 +70,8 @@ fn more_functions(
     ((model, fitted), shares): &(Model, Vec<f64>),
 ) -> Option<(Model, Vec<f64>)> {
     let before = model.added.len();
-    let ((with, better), more) = functions_left(bench, (model, &fitted.fit), fitted)?;
+    let components = bench.components(&fitted.fit, &model.names(&fitted.fit));
+    let ((with, better), more) = with_components(bench, model, fitted, components)?;
     if !matches!(better.gain_over(fitted, &with.added[before..], bench.thresholds()), Gain::Certain(_)) {
         return None;
     }
@@ -77,14 +83,14 @@ fn more_functions(
     Some(((with, better), shares))
 }
 
-/// A model with the functions that a fit of it leaves, and the share of its squared residuals that each explains; `base` is the
-/// model without them. `None` where there are none, or where they cannot be fitted.
-fn functions_left(
+/// A model with functions that a fit leaves, and the share of its squared residuals that each explains; `base` is the model
+/// without them. `None` where there are none, or where they cannot be fitted.
+fn with_components(
     bench: &impl Bench,
-    (model, fit): (&AugmentedModel, &CalibratedCamera),
+    model: &AugmentedModel,
     base: &Fitted,
+    components: Vec<Component>,
 ) -> Option<(Model, Vec<f64>)> {
-    let components = bench.components(fit, &model.names(&base.fit));
     if components.is_empty() {
         return None;
     }

@@ -8,7 +8,7 @@
 //! | effects are proposed, or refused | `proposal` |
 //! | they are tried: fitted, and judged on held-out frames | `trial`, `refinement` |
 //! | functions are found together, and explained | `additive`, `functions`, `naming` |
-//! | earlier decisions are looked at again | `revisit` |
+//! | earlier decisions are looked at again | `revisit`, `last_model` |
 //! | a formula is searched for what is unexplained, or instead of the effects | `formula` |
 //! | what no effect explains is left, with a free map | `unexplained` |
 //! | the last state is reported | `conclusion` |
@@ -25,6 +25,7 @@ mod fitter;
 mod formula;
 mod frames;
 mod functions;
+mod last_model;
 #[cfg(test)]
 mod linear_bench;
 mod lost_gain;
@@ -43,8 +44,9 @@ use self::conclusion::conclude;
 use self::decided::Decided;
 use self::fitter::{Fitter, OnFrames};
 use self::formula::{formula_for_residuals, formula_for_unexplained, formula_instead, may_be_searched};
+use self::last_model::without_uncertain;
 use self::proposal::Proposal;
-use self::revisit::{frames_readmitted, other_frames_excluded, without_hidden_lens_effects, without_uncertain};
+use self::revisit::{frames_readmitted, other_frames_excluded, without_hidden_lens_effects};
 use self::start::{options_of_fits, start};
 use self::state::{Event, Next, State};
 use self::trial::tried;
@@ -56,6 +58,7 @@ use super::error::DiagnoseError;
 use super::examination::Examination;
 use super::options::CameraDiagnoseOptions;
 use super::round::Round;
+use crate::calibrate::check_declared_depth;
 use crate::observe::CameraFrames;
 
 /// Diagnoses a capture: which effects does the declared model lack? Errors are those on `verify` where it is given, else on
@@ -76,6 +79,9 @@ pub fn diagnose_camera(
     let (whole, duplicates) = without_duplicates(capture, &options.thresholds);
     let fitter = Fitter::new(whole, verify, &options);
     let state = start(&fitter, duplicates)?;
+    if let Some(verify) = verify {
+        check_declared_depth(&state.first.fit.camera, verify, &options.calibrate)?;
+    }
     let mut closed_loop = ClosedLoop { fitter: &fitter, state };
     let examination = closed_loop.run()?;
     conclude(&fitter, closed_loop.state, examination)

@@ -14,7 +14,7 @@ use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::CalibratedCamera;
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::decision::Decision;
-use crate::diagnose::discovery::{Discovery, Search};
+use crate::diagnose::discovery::Discovery;
 use crate::diagnose::error::DiagnoseError;
 use crate::diagnose::examination::Examination;
 use crate::diagnose::held_out::Gain;
@@ -74,17 +74,21 @@ pub(super) fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: us
     }
     let Some(definition) = definition else { return Ok(Naming::Nothing) };
     let taken = without.names(&reduced.fit);
-    let Search::Found(discovery) = bench.formula_of(&definition.covariates, &reduced.fit, &examination, &taken) else {
+    let Some(found) = bench.formula_of(&definition.covariates, &reduced.fit, &examination, &taken) else {
         return Ok(Naming::Nothing);
     };
-    if discovery.is_refuted() {
-        info!("additive: frames that the search has not seen do not have {}", discovery.effect.text());
+    let name = found.discovery.effect.text();
+    if found.discovery.is_refuted() {
+        info!("additive: frames that the search has not seen do not have {name}");
         return Ok(Naming::Refuted);
     }
-    let name = discovery.effect.text();
-    let formula = with_formula(bench, &without, &reduced, *discovery);
+    let formula = with_formula(bench, &without, &reduced, found.discovery.clone());
     let formula = formula.filter(|(_, named)| says(&reduced, fitted, named, (&name, true)) == Says::AsMuch);
-    Ok(formula.map_or(Naming::Nothing, |(model, named)| Naming::Named(Box::new((in_place(model, place), named)))))
+    let Some((mut model, named)) = formula else { return Ok(Naming::Nothing) };
+    if let Some(formula) = model.formulas.last_mut() {
+        found.tell_rivals(formula, &reduced.fit, bench.thresholds());
+    }
+    Ok(Naming::Named(Box::new((in_place(model, place), named))))
 }
 
 /// The function explained by an effect of the catalogue; the model is that without the function.

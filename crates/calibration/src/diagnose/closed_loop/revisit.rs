@@ -1,4 +1,4 @@
-//! Earlier decisions looked at again under another model. This is the one place for that:
+//! Earlier decisions looked at again under another model:
 //!
 //! | decision | when | step |
 //! |---|---|---|
@@ -6,9 +6,8 @@
 //! | effects of the lens in the model | something is unexplained | [`without_hidden_lens_effects`] |
 //! | frames that are fitted | effects were added | [`other_frames_excluded`] |
 //! | frames that are excluded | no round is left | [`frames_readmitted`] |
-//! | effects of the last model | no round is left | [`without_uncertain`] |
+//! | effects of the last model | no round is left | [`without_uncertain`](super::last_model::without_uncertain) |
 
-use depthcal_io::GainInterval;
 use depthcal_model::PieceSpec;
 use depthcal_model::hook::HookKind;
 use depthcal_solver::score::ScoreError;
@@ -20,15 +19,13 @@ use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::fitter::Fitter;
 use super::frames::{readmitted, without_outlying};
-use super::state::{Event, FramesChanged, Judged, State, TakenOut};
+use super::state::{Event, FramesChanged, State, TakenOut};
 use crate::calibrate::{CalibrateError, CalibratedCamera};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::error::DiagnoseError;
-use crate::diagnose::free_map::FREE_MAP;
 use crate::diagnose::held_out::{Gain, HeldOut};
 use crate::diagnose::lens_in_image::shows_in_images;
 use crate::diagnose::merit::significant;
-use crate::diagnose::possible::Possible;
 use crate::diagnose::thresholds::Thresholds;
 
 /// Half the Wald statistic of an effect that is kept without a fit, over what an effect must explain to be plainly needed: the
@@ -183,86 +180,6 @@ pub(super) fn with_errors_along(
         };
     }
     Ok(model)
-}
-
-/// Removes the effects of the last model whose gain, given all others, is not certain: they are possible. The least one goes
-/// first, as another may be certain without it. The others have their gains from then on. A free map names nothing: it stays,
-/// and takes no part. `None` where there is no effect.
-///
-/// # Errors
-///
-/// [`CalibrateError`] where models along the way cannot be fitted again.
-pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Option<Event>, CalibrateError> {
-    let State { model, present, first, .. } = state;
-    let (mut model, mut present, mut possible) = (model.clone(), present.clone(), Vec::new());
-    let map = model.added.pop_if(|last| last.evidence.name == FREE_MAP);
-    if model.added.is_empty() {
-        return Ok(None);
-    }
-    if map.is_some() {
-        present = bench.fitted(&model.options(bench.declared()))?;
-    }
-    let mut first_changed = usize::MAX;
-    while let Some(Least { place, gain_percent, without }) = least_uncertain(bench, &mut model, &present, first) {
-        let effect = model.added.remove(place);
-        let frames = present.held_out.evaluated.frames.len();
-        possible.extend(gain_percent.map(|gain| Possible::new(effect.evidence.spec, gain, frames)));
-        first_changed = first_changed.min(place);
-        present = without;
-    }
-    model = with_errors_along(bench, model.with_own_formulas(), first_changed, &present.held_out)?;
-    if let Some(map) = map {
-        model = model.with(map);
-        present = match first_changed {
-            usize::MAX => state.present.clone(),
-            _ => bench.fitted(&model.options(bench.declared()))?,
-        };
-        if let Some(map) = model.added.last_mut() {
-            map.after = present.held_out.clone();
-        }
-    }
-    Ok(Some(Event::Judged(Box::new(Judged { model, present, possible }))))
-}
-
-/// An effect whose gain is not certain.
-struct Least {
-    place: usize,
-    /// Its gain; `None` where there is none.
-    gain_percent: Option<GainInterval>,
-    without: Fitted,
-}
-
-/// The effect of a model with the least gain, given all others, of those whose gain is not certain; gives the others theirs.
-/// `first` is the declared model.
-fn least_uncertain(bench: &impl Bench, model: &mut AugmentedModel, present: &Fitted, first: &Fitted) -> Option<Least> {
-    let mut least: Option<Least> = None;
-    for place in 0..model.added.len() {
-        let rest_of_model = model.without(place);
-        let without = match rest_of_model.added.is_empty() {
-            true => Ok(first.clone()),
-            false => bench.fitted(&rest_of_model.options(bench.declared())),
-        };
-        let without = match without {
-            Ok(without) => without,
-            Err(error) => {
-                info!("without {}: {error}", model.added[place].evidence.name);
-                continue;
-            }
-        };
-        let gain_percent = match present.gain_over(&without, &model.added[place..=place], bench.thresholds()) {
-            Gain::Certain(gain) => {
-                model.added[place].gain_percent = Some(gain);
-                continue;
-            }
-            Gain::Possible(gain) => Some(gain),
-            Gain::None => None,
-        };
-        let value = |gain: Option<GainInterval>| gain.map_or(0.0, |gain| gain.value);
-        if least.as_ref().is_none_or(|least| value(gain_percent) < value(least.gain_percent)) {
-            least = Some(Least { place, gain_percent, without });
-        }
-    }
-    least
 }
 
 /// Removes the effects of the lens that were added and that images alone do not show, each given the others. `None` where there
@@ -439,24 +356,6 @@ mod tests {
         let errors = |model: &AugmentedModel| model.added.iter().map(|e| e.after.errors).collect::<Vec<_>>();
         assert_eq!(errors(&taken_out.model), errors(&expected.model));
         assert_eq!(names(&taken_out.effects), ["range_offset"]);
-    }
-
-    /// Without the second effect, which is not there, the first, which resembles it, is certain.
-    #[test]
-    fn uncertain_effects_of_the_last_model_are_possible() {
-        let (a, other) = (regressor(1), regressor(2));
-        let resembling = sum(&[(1.0, &a), (0.3, &other)]);
-        let bench = LinearBench::new(&[("range_offset", 0.5, a), ("radial_range", 0.0, resembling)]);
-        let mut state = bench.state(&["range_offset", "radial_range"]);
-        let event = without_uncertain(&bench, &state).unwrap().unwrap();
-        state.apply(event);
-        assert_eq!(names(&state.model.specs_from(0)), ["range_offset"]);
-        let gain = |state: &State| state.model.added[0].gain_percent;
-        assert!(gain(&state).is_some_and(|gain| gain.is_certain()));
-        let again = without_uncertain(&bench, &state).unwrap().unwrap();
-        let before = gain(&state);
-        state.apply(again);
-        assert_eq!((names(&state.model.specs_from(0)), gain(&state)), (vec!["range_offset"], before));
     }
 
     #[test]

@@ -19,6 +19,7 @@ mod free;
 mod library;
 mod observations;
 mod places;
+mod rivals;
 mod score;
 mod screened;
 mod screening;
@@ -47,6 +48,8 @@ use self::exchange::{Exchange, exchanges};
 use self::free::{gain_of_free_function, without_free_function};
 use self::observations::Observations;
 use self::places::places_not_told_apart;
+pub use self::rivals::OfCovariates;
+use self::rivals::{not_told_apart, runners_up};
 use self::screened::Screened;
 use self::screening::{screen, screen_products, screen_singles};
 use self::selection::{Judged, best_extended, by_merit, choose, compared, compared_of_set};
@@ -92,8 +95,6 @@ pub enum Chance<'a> {
 const RESEMBLES: f64 = 0.9;
 /// Formulas whose gains are logged.
 const TOLD: usize = 12;
-/// Formulas that lost and are told.
-const RUNNERS_UP: usize = 3;
 /// The name of a formula that lost.
 pub(super) const RUNNER_UP: &str = "runner_up";
 /// Share by which the range of inverse depth is extended when it is checked that depth stays monotone.
@@ -138,7 +139,8 @@ pub fn search(
     }
 }
 
-/// Searches a formula of covariates of which a function is known to explain what a fit leaves. Otherwise as [`search`].
+/// Searches a formula of covariates of which a function is known to explain what a fit leaves, otherwise as [`search`]; `None`
+/// where there is none.
 pub fn search_of(
     covariates: &[String],
     fit: &CalibratedCamera,
@@ -146,11 +148,9 @@ pub fn search_of(
     examination: &Examination,
     taken: &[String],
     thresholds: &Thresholds,
-) -> Search {
-    let observed = match enough_frames(fit, thresholds) {
-        Ok(observed) => observed,
-        Err(reason) => return nothing(reason),
-    };
+) -> Option<OfCovariates> {
+    let refused = |reason: &str| info!("formulas: none of {}: {reason}", covariates.join(" and "));
+    let observed = enough_frames(fit, thresholds).inspect_err(|reason| refused(reason)).ok()?;
     let families = covariates.iter().filter_map(|name| FormulaCovariate::of(name)).map(family).collect();
     let set = CovariateSet { covariates: families, p_value: 0.0, stability: 1.0, share_of_cost: 1.0 };
     let given = Given { examination, taken, without_best: false, thresholds };
@@ -159,10 +159,16 @@ pub fn search_of(
         let searched = all.observations.searched();
         let screened = screen_singles(&searched, &set.covariates);
         let chosen = chosen_of_set(&searched, &screened, &set, thresholds);
-        let chosen = chosen.map(|chosen| with_rivals(&all, &searched, chosen, thresholds));
-        match chosen.and_then(|chosen| discovery(&all, chosen, given)) {
-            Ok(found) => return Search::Found(Box::new(found)),
-            Err(reason) if verify.is_some() || all.are_all_searched() => return nothing(reason),
+        let found = chosen.and_then(|chosen| {
+            let term = chosen.judged.term.clone();
+            Ok(OfCovariates::new(discovery(&all, chosen, given)?, term))
+        });
+        match found {
+            Ok(found) => return Some(found),
+            Err(reason) if verify.is_some() || all.are_all_searched() => {
+                refused(&reason);
+                return None;
+            }
             Err(_) => all.search_all(),
         }
     }
@@ -317,20 +323,6 @@ fn chosen_of_set(
     Ok(Chosen { judged: chosen, of_free_function, others: judged, exchanges: Vec::new(), p_value, stability, terms })
 }
 
-/// A term that was chosen among those of its covariates, with terms of others that predict nearly as well.
-fn with_rivals(frames: &AllFrames, searched: &Observations, mut chosen: Chosen, thresholds: &Thresholds) -> Chosen {
-    let Chosen { judged, of_free_function, .. } = &chosen;
-    if judged.gain() < thresholds.least_share_of_free_function * of_free_function {
-        return chosen;
-    }
-    let screened = screen(searched);
-    let rivals = compared(searched, &by_merit(&screened));
-    let terms: Vec<&Term> = rivals.iter().map(|rival| &rival.term).filter(|term| **term != judged.term).collect();
-    chosen.exchanges = exchanges(&frames.observations, &judged.term, &terms, thresholds);
-    chosen.others.extend(rivals);
-    chosen
-}
-
 /// The formula that is chosen of all screened terms, where its covariates are stable: in other frames it would have them too, or
 /// a smooth function of them would be the best.
 fn chosen_of_all(
@@ -411,24 +403,11 @@ fn discovery(frames: &AllFrames, chosen: Chosen, given: Given<'_>) -> Result<Dis
         return Err(format!("{} makes depth fold", effect.text()));
     }
     let replication = replicate(all, term);
-    let effect_that_lost = |term: &Term| effect_of(term, RUNNER_UP, &[]);
-    let mut told = vec![term.families()];
-    let mut runners_up = Vec::new();
-    for other in &chosen.others {
-        if runners_up.len() < RUNNERS_UP && !told.contains(&other.term.families()) {
-            told.push(other.term.families());
-            if let Ok(effect) = effect_that_lost(&other.term) {
-                let (covariates, gain_share) = (names(&other.term), other.gain() / gain);
-                runners_up.push(RunnerUp { effect, covariates, gain_share });
-            }
-        }
-    }
     let whole_gain: f64 = score::held_out_gains(&all.normals(term), all.shared, None).iter().sum();
     let resembling = examination.effects().filter(|effect| effect.gain() > RESEMBLES * whole_gain);
-    let exchanged = |e: &Exchange| [e.own, e.other].map(|c| c.name().to_owned());
     Ok(Discovery {
         covariates: names(term),
-        covariates_not_told_apart: chosen.exchanges.iter().map(exchanged).collect(),
+        covariates_not_told_apart: not_told_apart(&chosen.exchanges),
         place: DiagnosisPlace { of: term.of, on: term.on },
         places_not_told_apart: places_not_told_apart(all, term, thresholds),
         p_value: chosen.p_value,
@@ -437,7 +416,7 @@ fn discovery(frames: &AllFrames, chosen: Chosen, given: Given<'_>) -> Result<Dis
         replication: replication.map(|r| [r.size, r.standard_error]),
         share_of_free_function: share,
         resembles: resembling.map(|effect| effect.name.clone()).collect(),
-        runners_up,
+        runners_up: runners_up(&chosen.judged, &chosen.others),
         terms: chosen.terms,
         replaced: Vec::new(),
         components: Vec::new(),
