@@ -119,10 +119,46 @@ fn parse(path: &Path, reader: impl io::Read, files: &[String]) -> Result<FrameTa
         };
         return Err(DatasetError::Table { path: path.to_owned(), line, problem });
     }
+    for hint in hints(&head, &rows) {
+        tracing::warn!("{}: {hint}", path.display());
+    }
     let no_quantities = no_quantities(path, &rows)?;
     rows.iter_mut().for_each(|row| row.metadata.no_quantities.clone_from(&no_quantities));
     let files = head.iter().filter(|column| files.iter().any(|name| name == column)).map(str::to_owned).collect();
     Ok(FrameTable { rows, files })
+}
+
+/// Names that tables of other programs have for the time and the temperature of a frame.
+const TIMES: [&str; 7] = ["timestamp", "time", "time_s", "timestamp_ms", "timestamp_us", "timestamp_ns", "time_ms"];
+const TEMPERATURES: [&str; 4] = ["temperature", "temp", "temp_c", "temperature_k"];
+/// Time between frames, s, beyond which it is hardly in seconds.
+const LONG_S: f64 = 1000.0;
+
+/// Columns that seem to be the time or the temperature under another name, and times that seem to be in another unit.
+fn hints(head: &csv::StringRecord, rows: &[Row]) -> Vec<String> {
+    let alike = |wanted: &str, names: &[&str]| {
+        let found = head.iter().find(|column| names.contains(&column.to_lowercase().as_str()))?;
+        let has_numbers = rows.iter().any(|row| row.metadata.number(found).is_some());
+        let is_missing = head.iter().all(|column| column != wanted);
+        (is_missing && has_numbers).then(|| found.to_owned())
+    };
+    let mut hints = Vec::new();
+    if let Some(name) = alike("timestamp_s", &TIMES) {
+        hints.push(format!("`{name}` is not taken for the time of a frame: name the column timestamp_s, in seconds"));
+    }
+    if let Some(name) = alike("temperature_c", &TEMPERATURES) {
+        hints.push(format!("`{name}` is not taken for a temperature: name the column temperature_c, in °C"));
+    }
+    let mut times: Vec<f64> = rows.iter().filter_map(|row| row.metadata.timestamp_s).collect();
+    times.sort_by(f64::total_cmp);
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    if let Some(step) = steps.get(steps.len() / 2).filter(|step| **step > LONG_S) {
+        hints.push(format!(
+            "by `timestamp_s` a frame was taken every {step:.0} s: it has to be in seconds; divide milliseconds by 1000, nanoseconds by 10⁹"
+        ));
+    }
+    hints
 }
 
 /// Least range of a quantity, as a share of its values.
@@ -213,6 +249,21 @@ mod tests {
 
     fn complaint(text: &str) -> String {
         table(text).err().unwrap().to_string()
+    }
+
+    #[test]
+    fn columns_that_seem_to_be_times_and_temperatures_are_told() {
+        let hints_of = |text: &str| {
+            let mut reader = csv::Reader::from_reader(text.as_bytes());
+            let rows = parse(Path::new("set/frames.csv"), text.as_bytes(), &[]).unwrap().rows;
+            hints(reader.headers().unwrap(), &rows)
+        };
+        let told = hints_of("frame,Time,temp\n1,0.5,20\n2,1.5,21\n");
+        assert!(told.len() == 2 && told[0].contains("timestamp_s") && told[1].contains("temperature_c"), "{told:?}");
+        let told = hints_of("frame,timestamp_s\n1,1000\n2,3500\n3,6000\n");
+        assert!(told.len() == 1 && told[0].contains("every 2500 s"), "{told:?}");
+        assert!(hints_of("frame,timestamp_s,temperature_c,time\n1,1,20,5\n2,31,21,6\n").is_empty());
+        assert!(hints_of("frame,time\n1,noon\n2,evening\n").is_empty());
     }
 
     #[test]
