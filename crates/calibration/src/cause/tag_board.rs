@@ -12,7 +12,7 @@ use super::board_fault::BoardFault;
 
 /// Fewest tags in the image with most of them that make a board.
 const FEWEST_TAGS: usize = 4;
-/// A dictionary is that of a board where it has so many times the tags of every other.
+/// A dictionary with so many times the tags of another leaves it out: what is no tag, or a mirrored one, may be read as one.
 const LEAD: usize = 2;
 /// Most columns of a board that are tried.
 const MOST_COLUMNS: usize = 40;
@@ -52,18 +52,18 @@ struct Layout {
 pub(super) fn tag_board(declared: &Target, images: &[GrayImage]) -> Vec<Alternative> {
     let parts = declared.parts();
     let [part] = parts.as_slice() else { return Vec::new() };
-    let Some(seen) = most_seen(images) else { return Vec::new() };
     let (marker_mm, dictionary) = match &part.board.pattern {
         Pattern::Charuco { marker_mm, dictionary } => (*marker_mm, dictionary.clone()),
         Pattern::Aprilgrid { marker_mm } => (*marker_mm, "DICT_APRILTAG_36h11".to_owned()),
-        _ => return other_kind(&seen, part.board),
+        _ => return most_seen(images).iter().flat_map(|seen| other_kind(seen, part.board)).collect(),
     };
     let declared = Declared { board: part.board.clone(), first_tag: part.first_tag, marker_mm, dictionary };
-    layout_of(&seen, &declared).and_then(|layout| alternative(&seen, &declared, layout)).into_iter().collect()
+    let of_seen = |seen: &Seen| layout_of(seen, &declared).and_then(|layout| alternative(seen, &declared, layout));
+    most_seen(images).iter().filter_map(of_seen).collect()
 }
 
-/// The tags that most images agree on; `None` where there are too few, or where two dictionaries compete.
-fn most_seen(images: &[GrayImage]) -> Option<Seen> {
+/// The tags that most images agree on, those of the most frequent dictionary first; others only where they are nearly as many.
+fn most_seen(images: &[GrayImage]) -> Vec<Seen> {
     let surveys: Vec<_> = images.par_iter().map(survey_tags).collect();
     let mut all: Vec<Seen> = Vec::new();
     for (image, survey) in surveys.into_iter().enumerate() {
@@ -81,11 +81,9 @@ fn most_seen(images: &[GrayImage]) -> Option<Seen> {
     }
     let count = |seen: &Seen| seen.tags.iter().map(Vec::len).sum::<usize>();
     all.sort_by_key(|seen| std::cmp::Reverse(count(seen)));
-    let mut all = all.into_iter();
-    let most = all.next()?;
-    let is_board = most.tags.iter().any(|tags| tags.len() >= FEWEST_TAGS);
-    let leads = all.next().is_none_or(|next| count(&most) >= LEAD * count(&next));
-    (is_board && leads).then_some(most)
+    let most = all.first().map_or(0, count);
+    all.retain(|seen| LEAD * count(seen) > most && seen.tags.iter().any(|tags| tags.len() >= FEWEST_TAGS));
+    all
 }
 
 /// A board of tags where one without is declared.
