@@ -132,6 +132,14 @@ pub enum TaskError {
     /// There is no calibration.
     #[error(transparent)]
     Calibrate(#[from] CalibrateError),
+    /// The depth of a dataset that a camera is evaluated on contradicts the dataset's images.
+    #[error("{path}: {error}")]
+    Contradiction {
+        /// The dataset.
+        path: String,
+        /// What is wrong with it.
+        error: Box<CalibrateError>,
+    },
     /// There is no diagnosis.
     #[error(transparent)]
     Diagnose(#[from] DiagnoseError),

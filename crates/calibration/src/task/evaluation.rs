@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use depthcal_io::{Calibration, DATASET_FILE, DatasetError, Evaluation, FileError};
+use depthcal_model::Camera;
 
 use super::error::TaskError;
 use super::evaluated::{evaluation_of, extend};
@@ -16,7 +17,7 @@ use crate::judge::camera::evaluate_camera;
 use crate::judge::evaluate::{Evaluated, evaluate};
 use crate::judge::table::table;
 use crate::load::{Loaded, LoadedCamera};
-use crate::observe::{CameraCapture, Capture, PlacedCamera};
+use crate::observe::{CameraCapture, CameraFrames, Capture, PlacedCamera};
 use crate::progress::ProgressHandle;
 
 /// Errors of a calibration on datasets, one after another.
@@ -38,11 +39,18 @@ impl Evaluations {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Unlike`], [`TaskError::Load`]; [`TaskError::Calibrate`] where depth contradicts the boards that the images show.
+    /// [`TaskError::Unlike`], [`TaskError::Load`]; [`TaskError::Contradiction`] where depth contradicts the boards that the images
+    /// show.
     pub fn add(&mut self, loaded: &Loaded, path: &Path, progress: &ProgressHandle) -> Result<Vec<String>, TaskError> {
         let role = match &self.calibration {
             Some(calibration) if loaded.is_fitted_by(calibration) => Role::Fitted,
             _ => Role::Other,
+        };
+        let options = CameraOptions { progress: progress.clone(), ..CameraOptions::default() };
+        let checked = |camera: &Camera, capture: &CameraFrames| {
+            let contradiction =
+                |error| TaskError::Contradiction { path: path.display().to_string(), error: Box::new(error) };
+            check_declared_depth(camera, capture, &options).map_err(contradiction)
         };
         let (evaluated, missing) = match self.only_pair(loaded)? {
             Some((placed, camera)) => {
@@ -52,17 +60,15 @@ impl Evaluations {
                     return Err(UnlikeCalibration::Size { path, found: actual, expected }.into());
                 }
                 let _stage = progress.stage("evaluation");
-                let options = CameraOptions { progress: progress.clone(), ..CameraOptions::default() };
-                check_declared_depth(&placed.camera, &camera.capture, &options)?;
+                checked(&placed.camera, &camera.capture)?;
                 (Evaluated::of_camera(&placed.name, evaluate_camera(&placed.camera, &camera.capture)), Vec::new())
             }
             None => {
                 let missing = missing_cameras(&self.cameras, loaded, path)?;
                 let capture = loaded.observed();
                 let _stage = progress.stage("evaluation");
-                let options = CameraOptions { progress: progress.clone(), ..CameraOptions::default() };
                 for (placed, camera) in pairs(&self.cameras, &capture) {
-                    check_declared_depth(&placed.camera, &camera.capture, &options)?;
+                    checked(&placed.camera, &camera.capture)?;
                 }
                 (evaluate(&self.cameras, &capture), missing)
             }
