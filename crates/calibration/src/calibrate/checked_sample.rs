@@ -45,23 +45,23 @@ pub(super) fn checked_sample(
     }
 }
 
-/// Drops frames whose depth is, to the bit, that of an earlier frame with another image: it was recorded at a lower rate, or copied.
+/// Drops frames whose depth is, to the bit, that of an earlier frame with another image: it was recorded at a lower rate.
 fn drop_repeated_depth(capture: &mut CameraFrames<PosedFrame>) {
-    let mut kept: Vec<PosedFrame> = Vec::with_capacity(capture.frames.len());
+    let mut with_own: Vec<PosedFrame> = Vec::with_capacity(capture.frames.len());
     let mut dropped = Vec::new();
     for frame in std::mem::take(&mut capture.frames) {
         let is_same = |earlier: &&PosedFrame| {
             earlier.detected.has_depth_of(&frame.detected) && earlier.detected.markers != frame.detected.markers
         };
-        match kept.iter().find(is_same).map(|earlier| earlier.detected.name.clone()) {
+        match with_own.iter().find(is_same).map(|earlier| earlier.detected.name.clone()) {
             Some(earlier) => dropped.push(DroppedFrame {
                 name: frame.detected.name.clone(),
                 reason: format!("its depth image is that of frame {earlier}, though its image is another: one of the two has no depth of its own"),
             }),
-            None => kept.push(frame),
+            None => with_own.push(frame),
         }
     }
-    capture.frames = kept;
+    capture.frames = with_own;
     if let Some(first) = dropped.first() {
         warn!(
             "{}: {} of {} frames are dropped, such as {}: {}; record depth as often as images, or leave out frames without depth of their own",
@@ -88,8 +88,8 @@ pub(super) fn check_depth(
     checked_sample(capture.clone(), camera, None, options).map(drop)
 }
 
-/// Holds the depth of a capture that a calibrated camera is evaluated on against the boards that its images show. Fewer frames than
-/// a calibration needs say nothing.
+/// Holds the depth of a capture that a calibrated camera is evaluated on against the boards that its images show. Fewer frames
+/// than a calibration needs say nothing.
 ///
 /// # Errors
 ///

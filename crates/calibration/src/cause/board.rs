@@ -108,8 +108,8 @@ fn chessboard(declared: &Target, images: &[GrayImage]) -> Vec<Alternative> {
     vec![Alternative { target, is_mirrored: false, faults }]
 }
 
-/// Grids of dots of either kind with the declared numbers, exchanged, or off by one. None where the images show a chessboard, whose
-/// dark squares lie like dots.
+/// Grids of dots of either kind with the declared numbers, exchanged, or off by one. None where the images show a chessboard,
+/// whose dark squares lie like dots.
 fn circles(declared: &Target, images: &[GrayImage]) -> Vec<Alternative> {
     let is_chessboard = || 2 * images.par_iter().filter_map(chessboard_size).count() > images.len();
     if !declared.has_circles() && (declared.pattern != Pattern::Chessboard || is_chessboard()) {

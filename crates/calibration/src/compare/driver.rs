@@ -26,8 +26,8 @@ const COMPARED_PIXELS: usize = 20_000;
 ///
 /// # Errors
 ///
-/// [`CalibrateError`] where a model's name is wrong, or where depth contradicts the boards that the images show. Models that cannot
-/// be fitted are listed with the reason.
+/// [`CalibrateError`] where a model's name is wrong, or where depth contradicts the boards that the images show. Models that
+/// cannot be fitted are listed with the reason.
 pub fn compare(
     train: &CameraFrames,
     verify: &[CameraFrames],

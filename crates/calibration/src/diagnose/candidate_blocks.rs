@@ -50,7 +50,7 @@ pub(super) trait Fit: Sync {
     /// Where the problem cannot be evaluated.
     fn linearize(&self, candidates: &[CandidateBlock]) -> Result<Linearization, Self::Error>;
 
-    /// The same with every so many samples of the camera's frames.
+    /// This fit with every so many samples of the camera's frames only.
     fn thinned(&self, step: usize) -> Self;
 }
 

@@ -137,7 +137,7 @@ pub enum TaskError {
     Contradiction {
         /// The dataset.
         path: String,
-        /// What is wrong with it.
+        /// The contradiction.
         error: Box<CalibrateError>,
     },
     /// There is no diagnosis.

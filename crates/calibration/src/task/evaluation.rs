@@ -39,8 +39,7 @@ impl Evaluations {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Unlike`], [`TaskError::Load`]; [`TaskError::Contradiction`] where depth contradicts the boards that the images
-    /// show.
+    /// [`TaskError::Unlike`], [`TaskError::Load`]; [`TaskError::Contradiction`] where depth contradicts the boards in the images.
     pub fn add(&mut self, loaded: &Loaded, path: &Path, progress: &ProgressHandle) -> Result<Vec<String>, TaskError> {
         let role = match &self.calibration {
             Some(calibration) if loaded.is_fitted_by(calibration) => Role::Fitted,

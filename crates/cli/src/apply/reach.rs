@@ -88,7 +88,7 @@ impl Reach {
         )))
     }
 
-    /// What to say of all frames; `None` where nearly all depth is within reach.
+    /// A warning about all frames; `None` where nearly all depth is within reach.
     pub fn warning(&self, beyond: Beyond) -> Option<String> {
         let Self([near, far]) = self;
         let share = |count: usize| 100.0 * count as f64 / beyond.measured.max(1) as f64;

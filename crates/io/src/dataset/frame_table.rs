@@ -137,10 +137,10 @@ const LONG_S: f64 = 1000.0;
 /// Columns that seem to be the time or the temperature under another name, and times that seem to be in another unit.
 fn hints(head: &csv::StringRecord, rows: &[Row]) -> Vec<String> {
     let alike = |wanted: &str, names: &[&str]| {
-        let found = head.iter().find(|column| names.contains(&column.to_lowercase().as_str()))?;
-        let has_numbers = rows.iter().any(|row| row.metadata.number(found).is_some());
+        let column = head.iter().find(|column| names.contains(&column.to_lowercase().as_str()))?;
+        let has_numbers = rows.iter().any(|row| row.metadata.number(column).is_some());
         let is_missing = head.iter().all(|column| column != wanted);
-        (is_missing && has_numbers).then(|| found.to_owned())
+        (is_missing && has_numbers).then(|| column.to_owned())
     };
     let mut hints = Vec::new();
     if let Some(name) = alike("timestamp_s", &TIMES) {

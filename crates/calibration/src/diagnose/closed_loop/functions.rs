@@ -39,13 +39,13 @@ pub(super) fn functions(bench: &impl Bench, task: &Task<'_>) -> Option<(Model, V
     let is_quieter = noise_ratio(&base.fit, &incumbent.fit) < 1.0;
     let mut noise = if is_quieter { base.fit.noise } else { incumbent.fit.noise };
     let mut described: Option<(Model, Vec<f64>)> = None;
-    let mut last_found = Vec::new();
+    let mut last_definitions = Vec::new();
     for _ in 0..SEARCHES {
         let fit = CalibratedCamera { noise, ..base.fit.clone() };
         let components = bench.components(&fit, &model.names(&base.fit));
-        let found = components.iter().map(|c| c.description.effect.definition().clone()).collect();
+        let definitions = components.iter().map(|c| c.description.effect.definition().clone()).collect();
         // The same functions would be fitted as before.
-        let is_new = std::mem::replace(&mut last_found, found) != last_found;
+        let is_new = std::mem::replace(&mut last_definitions, definitions) != last_definitions;
         let searched = if is_new { with_components(bench, model, base, components) } else { None }
             .map(|(with, shares)| (with_effects_of_board(bench, with), shares));
         let better = searched.filter(|((_, with), _)| described.as_ref().is_none_or(|((_, b), _)| falls(b, with)));

@@ -85,7 +85,7 @@ fn uncertain(
     present: &Fitted,
     first: &Fitted,
 ) -> Uncertain {
-    let mut found = Uncertain::default();
+    let mut uncertain = Uncertain::default();
     for place in 0..model.added.len() {
         let name = model.added[place].evidence.name.clone();
         if asked.is_some_and(|asked| !asked.contains(&name)) {
@@ -111,13 +111,13 @@ fn uncertain(
             Gain::Possible(gain) => Some(gain),
             Gain::None => None,
         };
-        found.names.push(name);
+        uncertain.names.push(name);
         let value = |gain: Option<GainInterval>| gain.map_or(0.0, |gain| gain.value);
-        if found.least.as_ref().is_none_or(|least| value(gain_percent) < value(least.gain_percent)) {
-            found.least = Some(Least { place, gain_percent, without });
+        if uncertain.least.as_ref().is_none_or(|least| value(gain_percent) < value(least.gain_percent)) {
+            uncertain.least = Some(Least { place, gain_percent, without });
         }
     }
-    found
+    uncertain
 }
 
 #[cfg(test)]

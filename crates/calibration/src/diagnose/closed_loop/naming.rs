@@ -74,19 +74,19 @@ pub(super) fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: us
     }
     let Some(definition) = definition else { return Ok(Naming::Nothing) };
     let taken = without.names(&reduced.fit);
-    let Some(found) = bench.formula_of(&definition.covariates, &reduced.fit, &examination, &taken) else {
+    let Some(formula) = bench.formula_of(&definition.covariates, &reduced.fit, &examination, &taken) else {
         return Ok(Naming::Nothing);
     };
-    let name = found.discovery.effect.text();
-    if found.discovery.is_refuted() {
+    let name = formula.discovery.effect.text();
+    if formula.discovery.is_refuted() {
         info!("additive: frames that the search has not seen do not have {name}");
         return Ok(Naming::Refuted);
     }
-    let formula = with_formula(bench, &without, &reduced, found.discovery.clone());
-    let formula = formula.filter(|(_, named)| says(&reduced, fitted, named, (&name, true)) == Says::AsMuch);
-    let Some((mut model, named)) = formula else { return Ok(Naming::Nothing) };
-    if let Some(formula) = model.formulas.last_mut() {
-        found.tell_rivals(formula, &reduced.fit, bench.thresholds());
+    let with = with_formula(bench, &without, &reduced, formula.discovery.clone());
+    let with = with.filter(|(_, named)| says(&reduced, fitted, named, (&name, true)) == Says::AsMuch);
+    let Some((mut model, named)) = with else { return Ok(Naming::Nothing) };
+    if let Some(discovery) = model.formulas.last_mut() {
+        formula.tell_rivals(discovery, &reduced.fit, bench.thresholds());
     }
     Ok(Naming::Named(Box::new((in_place(model, place), named))))
 }

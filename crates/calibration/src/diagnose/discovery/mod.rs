@@ -49,6 +49,7 @@ use self::free::{gain_of_free_function, without_free_function};
 use self::observations::Observations;
 use self::places::places_not_told_apart;
 pub use self::rivals::OfCovariates;
+pub(super) use self::rivals::RUNNER_UP;
 use self::rivals::{not_told_apart, runners_up};
 use self::screened::Screened;
 use self::screening::{screen, screen_products, screen_singles};
@@ -95,8 +96,6 @@ pub enum Chance<'a> {
 const RESEMBLES: f64 = 0.9;
 /// Formulas whose gains are logged.
 const TOLD: usize = 12;
-/// The name of a formula that lost.
-pub(super) const RUNNER_UP: &str = "runner_up";
 /// Share by which the range of inverse depth is extended when it is checked that depth stays monotone.
 const EXTENDED: f64 = 1.3;
 
@@ -159,12 +158,12 @@ pub fn search_of(
         let searched = all.observations.searched();
         let screened = screen_singles(&searched, &set.covariates);
         let chosen = chosen_of_set(&searched, &screened, &set, thresholds);
-        let found = chosen.and_then(|chosen| {
+        let formula = chosen.and_then(|chosen| {
             let term = chosen.judged.term.clone();
             Ok(OfCovariates::new(discovery(&all, chosen, given)?, term))
         });
-        match found {
-            Ok(found) => return Some(found),
+        match formula {
+            Ok(formula) => return Some(formula),
             Err(reason) if verify.is_some() || all.are_all_searched() => {
                 refused(&reason);
                 return None;
@@ -354,7 +353,7 @@ fn chosen_of_all(
         let families = chosen.term.families();
         let of_set = set.filter(|set| set.covariates == families).map_or(0.0, |set| set.stability);
         let share = resampled.of(all, &chosen.term, &exchanges).max(of_set);
-        info!("formulas: {:?}, stability {share:.2}", names(&chosen.term));
+        info!("formulas: {:?}, stability {share:.2}", chosen.term.names());
         (chosen, exchanges, share)
     };
     let mut best = with_stability(simplest);
@@ -406,7 +405,7 @@ fn discovery(frames: &AllFrames, chosen: Chosen, given: Given<'_>) -> Result<Dis
     let whole_gain: f64 = score::held_out_gains(&all.normals(term), all.shared, None).iter().sum();
     let resembling = examination.effects().filter(|effect| effect.gain() > RESEMBLES * whole_gain);
     Ok(Discovery {
-        covariates: names(term),
+        covariates: term.names(),
         covariates_not_told_apart: not_told_apart(&chosen.exchanges),
         place: DiagnosisPlace { of: term.of, on: term.on },
         places_not_told_apart: places_not_told_apart(all, term, thresholds),
@@ -422,12 +421,6 @@ fn discovery(frames: &AllFrames, chosen: Chosen, given: Given<'_>) -> Result<Dis
         components: Vec::new(),
         effect,
     })
-}
-
-fn names(term: &Term) -> Vec<String> {
-    let mut names: Vec<String> = term.covariates().into_iter().map(|c| c.name().to_owned()).collect();
-    names.sort_unstable();
-    names
 }
 
 /// Whether measured depth grows with true depth under the formula, over the captured range and somewhat beyond.

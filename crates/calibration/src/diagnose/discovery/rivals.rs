@@ -1,15 +1,17 @@
 //! Formulas of other covariates beside one that was found.
 
+use super::definition::effect_of;
 use super::discovered::{Discovery, RunnerUp};
 use super::exchange::{Exchange, exchanges};
 use super::observations::Observations;
 use super::screening::screen;
 use super::selection::{Judged, by_merit, compared};
 use super::term::Term;
-use super::{RUNNER_UP, effect_of, names};
 use crate::calibrate::CalibratedCamera;
 use crate::diagnose::thresholds::Thresholds;
 
+/// The name of a formula that lost.
+pub(in crate::diagnose) const RUNNER_UP: &str = "runner_up";
 /// Formulas that lost and are told.
 const RUNNERS_UP: usize = 3;
 
@@ -60,7 +62,7 @@ pub(super) fn runners_up(chosen: &Judged, others: &[Judged]) -> Vec<RunnerUp> {
         if runners_up.len() < RUNNERS_UP && !told.contains(&other.term.families()) {
             told.push(other.term.families());
             if let Ok(effect) = effect_of(&other.term, RUNNER_UP, &[]) {
-                let (covariates, gain_share) = (names(&other.term), other.gain() / chosen.gain());
+                let (covariates, gain_share) = (other.term.names(), other.gain() / chosen.gain());
                 runners_up.push(RunnerUp { effect, covariates, gain_share });
             }
         }

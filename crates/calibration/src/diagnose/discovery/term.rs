@@ -77,6 +77,13 @@ impl Term {
         self.products.iter().flat_map(Product::covariates).collect()
     }
 
+    /// The names of its covariates, sorted.
+    pub fn names(&self) -> Vec<String> {
+        let mut names: Vec<String> = self.covariates().into_iter().map(|c| c.name().to_owned()).collect();
+        names.sort_unstable();
+        names
+    }
+
     /// The families of its covariates ([`family`]).
     pub fn families(&self) -> BTreeSet<C> {
         self.covariates().into_iter().map(family).collect()
