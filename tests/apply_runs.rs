@@ -184,7 +184,7 @@ fn depth_beyond_the_boards_of_a_calibration_is_told() {
         )
     };
     let frames = format!("\"frames\": [{}, {}]", frame(600.0), frame(1200.0));
-    folder.write("calibration.json", &CALIBRATION.replace("\"frames\": []", &frames));
+    folder.write("calibration.json", CALIBRATION.replace("\"frames\": []", &frames));
     let apply = |name: &str, of_pixel: &dyn Fn(usize) -> u16| {
         let data = (0..PIXELS).map(of_pixel).collect();
         write_depth(folder.path(&format!("{name}/a.png")), &DepthImage { width: WIDTH, height: HEIGHT, data }).unwrap();
