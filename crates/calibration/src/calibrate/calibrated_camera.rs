@@ -14,6 +14,9 @@ use crate::adjust::smoothness_prior::Smoothness;
 use crate::observe::noise::NoiseModel;
 use crate::observe::{CameraFrames, PosedFrame, SampledFrame};
 
+/// Relative standard deviation of a focal length from which on it is not known: where frames determine it, it is ten times less.
+const UNKNOWN: f64 = 0.03;
+
 /// A calibrated camera with everything that is known about the fit. Frames are at the stage that was fitted: sampled, or
 /// only posed where the images alone were adjusted.
 #[derive(Debug, Clone)]
@@ -70,6 +73,14 @@ impl<F> CalibratedCamera<F> {
                 (free && variance > 0.0).then(|| variance.sqrt())
             })
             .collect()
+    }
+
+    /// The focal length fx and its standard deviation, px, where it is not known: by more than [`UNKNOWN`] of itself.
+    pub fn unknown_focal_length(&self) -> Option<[f64; 2]> {
+        let (_, range) = self.camera.blocks_with_ranges().find(|(block, _)| block.piece().is_none())?;
+        let std_dev = (*self.std_devs().get(range.start)?)?;
+        let [fx, ..] = self.camera.pinhole();
+        (std_dev > UNKNOWN * fx).then_some([fx, std_dev])
     }
 }
 

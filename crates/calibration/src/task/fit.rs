@@ -135,6 +135,7 @@ impl FitRequest {
             options.each.model = ModelSpec::none();
         }
         let fitted = calibrate(&capture, &options)?;
+        fitted.cameras.iter().for_each(warn_of_unknown_focal_length);
         let stage = progress.stage("evaluation");
         let on_fitted = evaluate_fitted(&fitted);
         let on_held = held.as_ref().map(|held| evaluate(&fitted.placed(), held));
@@ -171,6 +172,17 @@ impl FitRequest {
             Ok((camera.name().to_owned(), Arc::new(prior)))
         };
         self.priors.iter().map(prior).collect()
+    }
+}
+
+/// Warns where the frames of a camera do not determine its focal length, or contradict each other about it.
+fn warn_of_unknown_focal_length(CameraFit { name, calibrated, .. }: &CameraFit) {
+    if let Some([fx, std_dev]) = calibrated.unknown_focal_length() {
+        warn!(
+            "{name}: the focal length is hardly known, {fx:.0} ± {std_dev:.0} px: too few boards are tilted (by 20° to 45°, near and far), or some \
+             frames are of another camera, of another zoom, or have depth that is not theirs (noise of a marker {:.3} px)",
+            calibrated.noise.pixel_sigma
+        );
     }
 }
 
