@@ -75,7 +75,7 @@ impl<F> CalibratedCamera<F> {
             .collect()
     }
 
-    /// The focal length fx and its standard deviation, px, where it is not known: by more than [`UNKNOWN`] of itself.
+    /// The focal length fx and its standard deviation, px, where that is more than 3 % of it.
     pub fn unknown_focal_length(&self) -> Option<[f64; 2]> {
         let (_, range) = self.camera.blocks_with_ranges().find(|(block, _)| block.piece().is_none())?;
         let std_dev = (*self.std_devs().get(range.start)?)?;
