@@ -7,7 +7,7 @@ use tracing::info;
 
 use super::calibrated_camera::CalibratedCamera;
 use super::camera_options::{CameraOptions, Estimator};
-use super::checked_sample::{check_depth, checked_sample};
+use super::checked_sample::{check_depth, checked_sample, drop_repeated_depth};
 use super::error::CalibrateError;
 use super::foreign_depth::drop_foreign_depth;
 use super::held::hold;
@@ -30,6 +30,10 @@ pub fn calibrate_camera(capture: &CameraFrames, options: &CameraOptions) -> Resu
         from_image.capture.frames.len(),
         from_image.reprojection_rms_px
     );
+    // The joint adjustment looks at what it samples.
+    if options.estimator != Estimator::Joint && from_image.capture.has_depth() {
+        check_depth(&from_image.capture, &from_image.camera, options)?;
+    }
     calibrate_depth(from_image, options)
 }
 
@@ -60,7 +64,7 @@ pub fn calibrate_keeping_samples(
 ///
 /// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
 pub fn calibrate_depth(
-    from_image: CalibratedCamera<PosedFrame>,
+    mut from_image: CalibratedCamera<PosedFrame>,
     options: &CameraOptions,
 ) -> Result<CalibratedCamera, CalibrateError> {
     let depth_blocks = depth_blocks(options)?;
@@ -80,7 +84,7 @@ pub fn calibrate_depth(
             Ok(CalibratedCamera { lens_choice, lens_comparison, foreign_depth, ..fit })
         }
         other => {
-            check_depth(&from_image.capture, &from_image.camera, options)?;
+            drop_repeated_depth(&mut from_image.capture);
             let _stage = options.progress.stage("estimating D from markers");
             estimate(from_image, depth_blocks, other)
         }

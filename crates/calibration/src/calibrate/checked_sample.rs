@@ -26,6 +26,16 @@ pub(super) fn checked_sample(
     options: &CameraOptions,
 ) -> Result<(CameraFrames<SampledFrame>, Option<usize>), CalibrateError> {
     drop_repeated_depth(&mut capture);
+    sample_if_right(capture, camera, light, options)
+}
+
+/// [`sample`], where depth does not contradict the boards that the images show.
+fn sample_if_right(
+    capture: CameraFrames<PosedFrame>,
+    camera: &Camera,
+    light: Option<Modulation>,
+    options: &CameraOptions,
+) -> Result<(CameraFrames<SampledFrame>, Option<usize>), CalibrateError> {
     let finding = examine_depth(&capture, camera)?;
     if let DepthFinding::Cause(cause) = finding {
         if !cause.is_range_only() {
@@ -46,7 +56,7 @@ pub(super) fn checked_sample(
 }
 
 /// Drops frames whose depth is, to the bit, that of an earlier frame with another image: it was recorded at a lower rate.
-fn drop_repeated_depth(capture: &mut CameraFrames<PosedFrame>) {
+pub(super) fn drop_repeated_depth(capture: &mut CameraFrames<PosedFrame>) {
     let mut with_own: Vec<PosedFrame> = Vec::with_capacity(capture.frames.len());
     let mut dropped = Vec::new();
     for frame in std::mem::take(&mut capture.frames) {
@@ -85,7 +95,7 @@ pub(super) fn check_depth(
     camera: &Camera,
     options: &CameraOptions,
 ) -> Result<(), CalibrateError> {
-    checked_sample(capture.clone(), camera, None, options).map(drop)
+    sample_if_right(capture.clone(), camera, None, options).map(drop)
 }
 
 /// Holds the depth of a capture that a calibrated camera is evaluated on against the boards that its images show. Fewer frames

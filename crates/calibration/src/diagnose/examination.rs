@@ -15,7 +15,7 @@ use super::evidence::Evidence;
 use super::free_functions::{FreeFunction, free_functions};
 use super::observed_states::ObservedStates;
 use super::thresholds::Thresholds;
-use super::variant_search::{BestVariant, best_variants};
+use super::variant_search::best_candidates;
 use crate::calibrate::CalibratedCamera;
 
 /// Directions in the parameters of an effect over which its minimal detectable size is a median.
@@ -68,17 +68,10 @@ pub fn examine(
     thresholds: &Thresholds,
 ) -> Result<Examination, ScoreError> {
     let states = ObservedStates::of(fit);
-    let mut candidates = Vec::new();
-    // Factors by which p-values are corrected for a search.
-    let mut corrections = Vec::new();
     let effects = missing_effects(register, fit, &states);
-    for (effect, found) in effects.iter().zip(best_variants(fit, register, &effects, thresholds)?) {
-        let Some(BestVariant { variant, correction }) = found else { continue };
-        if let Some(candidate) = CandidateBlock::effect(register, effect.spec(variant.value, variant.placement)) {
-            candidates.push(CandidateBlock { value: variant.value, ..candidate });
-            corrections.push(correction);
-        }
-    }
+    // With factors by which p-values are corrected for a search.
+    let (mut candidates, mut corrections): (Vec<CandidateBlock>, Vec<f64>) =
+        best_candidates(fit, register, &effects, thresholds)?.into_iter().unzip();
     let tests = candidates.len().max(1);
     let board = fit.capture.target.marker_rectangle();
     for function in free_functions(&states, fit.camera.width, fit.camera.height, board, thresholds) {

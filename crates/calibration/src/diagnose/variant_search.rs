@@ -36,7 +36,7 @@ pub(super) struct Variant {
 }
 
 /// The best variant of an effect, and the factor by which p-values are to be multiplied for the number of variants.
-pub(super) struct BestVariant {
+struct BestVariant {
     pub variant: Variant,
     pub correction: f64,
 }
@@ -102,7 +102,7 @@ fn finalists(mut scores: Vec<Scored>) -> Vec<(usize, Variant)> {
 /// # Errors
 ///
 /// That of the fit where its problem cannot be evaluated.
-pub(super) fn best_variants<F: Fit>(
+fn best_variants<F: Fit>(
     fit: &F,
     register: &Register,
     effects: &[Effect],
@@ -146,6 +146,27 @@ pub(super) fn best_variants<F: Fit>(
         Some(BestVariant { variant, correction: (variants / thresholds.values_per_test).max(1.0) })
     });
     Ok(chosen.collect())
+}
+
+/// A candidate for every effect in its best variant, with the factor by which its p-value is to be multiplied for the number of
+/// variants. Effects that cannot be tested are left out.
+///
+/// # Errors
+///
+/// That of the fit where its problem cannot be evaluated.
+pub(super) fn best_candidates<F: Fit>(
+    fit: &F,
+    register: &Register,
+    effects: &[Effect],
+    thresholds: &Thresholds,
+) -> Result<Vec<(CandidateBlock, f64)>, F::Error> {
+    let best = best_variants(fit, register, effects, thresholds)?;
+    let candidate = |(effect, best): (&Effect, Option<BestVariant>)| {
+        let BestVariant { variant, correction } = best?;
+        let candidate = CandidateBlock::effect(register, effect.spec(variant.value, variant.placement))?;
+        Some((CandidateBlock { value: variant.value, ..candidate }, correction))
+    };
+    Ok(effects.iter().zip(best).filter_map(candidate).collect())
 }
 
 /// An effect that was added, as a search jointly with everything else that `fit` has finds it.

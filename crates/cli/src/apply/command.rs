@@ -136,12 +136,10 @@ impl Apply {
         }
         self.print(jobs.len(), summary);
         let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
-        let mut pixels = json!({
+        let pixels = json!({
             "corrected": corrected, "saturated": saturated, "without_depth": invalid, "not_correctable": not_correctable,
+            "nearer_than_boards": beyond.nearer, "farther_than_boards": beyond.farther,
         });
-        for (name, count) in beyond.record() {
-            pixels[name] = count;
-        }
         Ok(
             json!({ "frames": jobs.len(), "complete_before": all - jobs.len(), "pixels": pixels, "written": [self.folder()] }),
         )

@@ -6,7 +6,6 @@ use depthcal_calibration::depth_uncertainty::support_of;
 use depthcal_calibration::observe::PlacedCamera;
 use depthcal_io::{Calibration, DepthFrame};
 use depthcal_report::format::{interval, percent, quantity};
-use serde_json::{Value, json};
 
 use super::job::Job;
 use crate::failure::Failure;
@@ -29,8 +28,8 @@ pub(super) struct Reach([f64; 2]);
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Beyond {
     measured: usize,
-    nearer: usize,
-    farther: usize,
+    pub nearer: usize,
+    pub farther: usize,
 }
 
 impl Add for Beyond {
@@ -104,12 +103,5 @@ impl Reach {
                 percent(share(beyond.farther))
             )
         })
-    }
-}
-
-impl Beyond {
-    /// The numbers, for `--json`.
-    pub fn record(self) -> [(&'static str, Value); 2] {
-        [("nearer_than_boards", json!(self.nearer)), ("farther_than_boards", json!(self.farther))]
     }
 }

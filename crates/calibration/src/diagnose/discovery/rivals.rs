@@ -1,4 +1,4 @@
-//! Formulas of other covariates beside one that was found.
+//! The best formulas of other covariates, which are reported next to the formula that was found.
 
 use super::definition::effect_of;
 use super::discovered::{Discovery, RunnerUp};

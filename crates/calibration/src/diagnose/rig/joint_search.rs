@@ -15,7 +15,7 @@ use crate::calibrate::CalibratedCamera;
 use crate::diagnose::candidate_blocks::{CandidateBlock, Fit, thin, with_pieces};
 use crate::diagnose::candidates::missing_effects;
 use crate::diagnose::observed_states::ObservedStates;
-use crate::diagnose::variant_search::best_variants;
+use crate::diagnose::variant_search::best_candidates;
 use crate::diagnose::{DiagnoseError, Thresholds};
 
 /// An effect with the constant, the place and the form in which it explains most.
@@ -46,13 +46,8 @@ pub(super) fn joint_search(
 ) -> Result<Vec<JointEvidence>, DiagnoseError> {
     let in_rig = InRig { state: state.clone(), camera };
     let effects = missing_effects(register, fit, &ObservedStates::of(fit));
-    let mut candidates = Vec::new();
-    for (effect, best) in effects.iter().zip(best_variants(&in_rig, register, &effects, thresholds)?) {
-        let candidate = |best: f64, spec| Some((CandidateBlock::effect(register, spec)?, best));
-        candidates
-            .extend(best.and_then(|b| candidate(b.correction, effect.spec(b.variant.value, b.variant.placement))));
-    }
-    let (blocks, corrections): (Vec<CandidateBlock>, Vec<f64>) = candidates.into_iter().unzip();
+    let (blocks, corrections): (Vec<CandidateBlock>, Vec<f64>) =
+        best_candidates(&in_rig, register, &effects, thresholds)?.into_iter().unzip();
     let linearization = in_rig.linearize(&blocks)?;
     let tests = blocks.len() as f64;
     let evidence = |(number, (block, correction)): (usize, (CandidateBlock, f64))| {
