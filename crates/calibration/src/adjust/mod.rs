@@ -11,7 +11,7 @@ mod field_thresholds;
 pub mod frame_information;
 pub mod frame_rows;
 pub mod leave_out;
-mod observations;
+pub(crate) mod observations;
 pub mod plane_scatter;
 pub mod problem;
 mod redundancy;

@@ -67,7 +67,7 @@ pub use lens_order::{LensCandidate, LensChoice, LensOrder, lens_named};
 pub use model_blocks::image_blocks;
 pub use options::{CalibrateOptions, EffectOf, HeldOf};
 pub use parameter_names::parameter_names;
-pub use readjust::{has_fields, readjust};
+pub use readjust::{has_fields, readjust, readjust_part};
 pub use rig_contradiction::RigContradiction;
 pub use sampled::sampled_under;
 pub use undetermined::UndeterminedModel;

@@ -10,7 +10,8 @@ use super::error::CalibrateError;
 use super::joint::adjust_samples;
 use super::model_blocks::{depth_blocks, image_blocks};
 use crate::adjust::blocks::is_depth_only;
-use crate::observe::{CameraFrames, SampledFrame};
+use crate::observe::noise::NoiseModel;
+use crate::observe::{CameraFrames, PosedFrame, SampledFrame};
 
 /// Adjusts the model of `options` jointly to sampled frames, from the camera, poses and noise of `start`. The optimum does not
 /// depend on the start; what does is only how many iterations lead there.
@@ -38,6 +39,31 @@ pub fn readjust(
     result.lens_choice.clone_from(&start.lens_choice);
     result.lens_comparison.clone_from(&start.lens_comparison);
     Ok(result)
+}
+
+/// Adjusts the model of a fit jointly to the part of its frames that was calibrated from the images as `image`, with the samples
+/// of the fit and from its depth model: what a calibration of these frames alone gives, without sampling them again.
+///
+/// # Errors
+///
+/// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
+pub fn readjust_part(
+    image: CalibratedCamera<PosedFrame>,
+    fit: &CalibratedCamera,
+    options: &CameraOptions,
+) -> Result<CalibratedCamera, CalibrateError> {
+    let pose_of = |name: &str| image.capture.frames.iter().find(|f| f.name == name).map(|f| f.camera_from_board);
+    let mut capture = fit.capture.subset(|_, frame| pose_of(&frame.name).is_some());
+    for frame in &mut capture.frames {
+        frame.camera_from_board = pose_of(&frame.name).unwrap_or(frame.camera_from_board);
+    }
+    if capture.frames.iter().all(|f| f.samples.is_empty()) {
+        return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
+    }
+    let depth = fit.camera.blocks().iter().filter(|block| is_depth_only(block));
+    let camera = depth.fold(image.camera, |camera, block| camera.with_block(block.clone()));
+    let noise = NoiseModel { depth: fit.noise.depth, ..image.noise };
+    adjust_samples(capture, camera, noise, Some(&fit.smoothness), options)
 }
 
 /// Whether a model has fields. Their smoothness is chosen on the way, and its search depends on where it starts: they are fitted

@@ -1,21 +1,21 @@
 //! The comparison: every variant fitted and evaluated, then ranked.
 
 use depthcal_io::{Comparison, DatasetEvaluation, ModelComparison};
-use depthcal_model::Camera;
 use rayon::prelude::*;
 
 use super::errors::{FrameErrors, errors, frame_errors};
 use super::image_calibrations::ImageCalibrations;
-use super::information_criteria::{Residuals, effective_parameters};
+use super::information_criteria::{JointFit, effective_parameters};
 use super::learning_curve::learning_curve;
 use super::options::CompareOptions;
 use super::ranking::{EvaluatedVariant, rank};
 use super::stability::stability;
 use super::variants::{Variant, thesis_variants};
 use super::verdict::verdict;
-use crate::calibrate::{CalibrateError, CameraOptions, Estimator, check_declared_depth};
+use crate::calibrate::{CalibrateError, CalibratedCamera, Estimator, check_declared_depth};
 use crate::judge::camera::{EvaluatedCamera, evaluate_part};
-use crate::judge::cross_validation::thinning;
+use crate::judge::cross_validation::{cross_validate_thinned, thinning};
+use crate::judge::parts::Parts;
 use crate::observe::CameraFrames;
 
 /// Board pixels of a frame on which models are compared, about: a board that fills the image has ten times as many, which would
@@ -23,6 +23,7 @@ use crate::observe::CameraFrames;
 const COMPARED_PIXELS: usize = 20_000;
 
 /// Fits depth models to `train` and compares their errors on `verify`; where that is empty, on held-out frames of `train`.
+/// Returns the record and the fit of the best model to all frames, where one could be fitted.
 ///
 /// # Errors
 ///
@@ -32,7 +33,7 @@ pub fn compare(
     train: &CameraFrames,
     verify: &[CameraFrames],
     options: &CompareOptions,
-) -> Result<Comparison, CalibrateError> {
+) -> Result<(Comparison, Option<CalibratedCamera>), CalibrateError> {
     let base = &options.calibrate;
     for model in &options.models {
         base.register.depth_blocks(model)?;
@@ -44,115 +45,146 @@ pub fn compare(
         let listed = variants.clone();
         variants.extend(thesis_variants().into_iter().filter(|v| !listed.contains(v)));
     }
-    let mut lenses: Vec<&str> = variants.iter().map(|v| v.lens.as_str()).collect();
-    lenses.sort_unstable();
-    lenses.dedup();
     let from_images = base.progress.stage("image calibration");
-    let whole = ImageCalibrations::new(train.clone(), &lenses, base);
+    let whole = ImageCalibrations::new(train.clone(), &lenses(&variants), base);
     // Every model would fail for the same reason, or, which is worse, not fail.
     if let Some(Ok(from_images)) = whole.by_lens.values().find(|calibrated| calibrated.is_ok()) {
         for capture in std::iter::once(train).chain(verify) {
             check_declared_depth(&from_images.camera, capture, base)?;
         }
     }
-    // Cross-validation: every fold's fit, and the frames that it holds out.
-    let folds: Vec<(ImageCalibrations, CameraFrames)> = if verify.is_empty() {
-        let part = |fold: usize| {
-            let training = train.subset(|i, _| i % options.folds != fold);
-            (ImageCalibrations::new(training, &lenses, base), train.subset(|i, _| i % options.folds == fold))
-        };
-        (0..options.folds).into_par_iter().map(part).collect()
-    } else {
-        Vec::new()
-    };
+    let folds = if verify.is_empty() { folds(train, &variants, options) } else { Vec::new() };
     drop(from_images);
+    let judging = Judging { whole: &whole, folds, verify, options };
     let job = base.progress.steps("fitting models", variants.len());
-    let evaluated = variants.par_iter().map(|v| {
-        let evaluated = evaluate_variant(v, &whole, &folds, verify, base);
+    let fit_and_judge = |variant: &Variant| {
+        let fit = whole.fit(variant, base);
+        let evaluated = judging.evaluated(variant, &fit);
         job.advance();
-        evaluated
-    });
-    let evaluated: Vec<EvaluatedVariant> = evaluated.collect();
+        (evaluated, fit)
+    };
+    let (evaluated, mut fits): (Vec<EvaluatedVariant>, Vec<_>) = variants.par_iter().map(fit_and_judge).unzip();
     drop(job);
     let (models, variants) = rank(evaluated, listed);
+    fits.truncate(listed);
+    let learning_curve = learning_curve(train, &fits, verify, options);
+    let best = models.first().and_then(|best| options.models.iter().position(|model| *model == best.model));
+    let best = best.and_then(|place| fits.swap_remove(place).ok());
     let mut comparison = Comparison {
         train: train.name.clone(),
         verify: verify.iter().map(|c| c.name.clone()).collect(),
         verdict: verdict(&models),
         models,
         variants,
-        learning_curve: learning_curve(train, verify, options),
+        learning_curve,
         stability: None,
     };
     if options.thesis && !verify.is_empty() {
         let _stage = base.progress.stage("stability of D");
         comparison.stability = stability(train, verify, &whole, base);
     }
-    Ok(comparison)
+    Ok((comparison, best))
 }
 
-/// Fits and evaluates a variant; where it cannot be fitted its record has the reason.
-fn evaluate_variant(
-    variant: &Variant,
-    whole: &ImageCalibrations,
-    folds: &[(ImageCalibrations, CameraFrames)],
-    verify: &[CameraFrames],
-    base: &CameraOptions,
-) -> EvaluatedVariant {
-    let mut record = ModelComparison {
-        model: variant.model.clone(),
-        lens: variant.lens.clone(),
-        estimator: variant.estimator.to_owned(),
-        ..ModelComparison::default()
+/// The lens models of variants, each once.
+fn lenses(variants: &[Variant]) -> Vec<&str> {
+    let mut lenses: Vec<&str> = variants.iter().map(|v| v.lens.as_str()).collect();
+    lenses.sort_unstable();
+    lenses.dedup();
+    lenses
+}
+
+/// Of a cross-validation, the other frames' calibrations from the images and the held-out frames of every fold, for the variants
+/// whose depth model is fitted on top of these.
+fn folds(
+    train: &CameraFrames,
+    variants: &[Variant],
+    options: &CompareOptions,
+) -> Vec<(ImageCalibrations, CameraFrames)> {
+    let of_markers: Vec<Variant> = variants.iter().filter(|variant| variant.is_of_markers()).cloned().collect();
+    let lenses = lenses(&of_markers);
+    let part = |fold: usize| {
+        let training = train.subset(|i, _| i % options.folds != fold);
+        let held_out = train.subset(|i, _| i % options.folds == fold);
+        (ImageCalibrations::new(training, &lenses, &options.calibrate), held_out)
     };
-    match fit_and_evaluate(variant, whole, folds, verify, base, &mut record) {
-        Ok((held_out, residuals)) => EvaluatedVariant { record, held_out, residuals },
-        Err(reason) => {
-            record.failed = Some(reason);
-            EvaluatedVariant { record, held_out: Vec::new(), residuals: None }
+    (0..options.folds).into_par_iter().map(part).collect()
+}
+
+/// What variants are judged on.
+struct Judging<'a> {
+    whole: &'a ImageCalibrations,
+    folds: Vec<(ImageCalibrations, CameraFrames)>,
+    verify: &'a [CameraFrames],
+    options: &'a CompareOptions,
+}
+
+impl Judging<'_> {
+    /// Evaluates a variant; where it was not fitted, or not without held-out frames, its record has the reason.
+    fn evaluated(&self, variant: &Variant, fit: &Result<CalibratedCamera, String>) -> EvaluatedVariant {
+        let record = ModelComparison {
+            model: variant.model.clone(),
+            lens: variant.lens.clone(),
+            estimator: variant.estimator.to_owned(),
+            ..ModelComparison::default()
+        };
+        let evaluated = fit.as_ref().map_err(String::clone).and_then(|fit| self.evaluate(variant, fit, record.clone()));
+        evaluated.unwrap_or_else(|reason| EvaluatedVariant {
+            record: ModelComparison { failed: Some(reason), ..record },
+            held_out: Vec::new(),
+            joint: None,
+        })
+    }
+
+    fn evaluate(
+        &self,
+        variant: &Variant,
+        fit: &CalibratedCamera,
+        mut record: ModelComparison,
+    ) -> Result<EvaluatedVariant, String> {
+        record.parameters = fit.camera.blocks().iter().map(|b| b.free.iter().filter(|f| **f).count()).sum();
+        record.effective_parameters = effective_parameters(fit);
+        let thinning = thinning(fit, COMPARED_PIXELS);
+        let evaluate = |fit: &CalibratedCamera, capture: &CameraFrames| {
+            evaluate_part(&fit.camera, capture, thinning, capture.frames.len())
+        };
+        let on_train = evaluate(fit, &self.whole.capture);
+        record.fit = errors(&[frame_errors(&on_train)]);
+        let mut evaluations = vec![on_train];
+        if self.verify.is_empty() {
+            let name = format!("{} (frames left out)", self.whole.capture.name);
+            let held_out = if variant.is_of_markers() {
+                let judged = |(others, held): &(ImageCalibrations, CameraFrames)| {
+                    Ok(evaluate(&others.fit(variant, &self.options.calibrate)?, held))
+                };
+                joined(self.folds.par_iter().map(judged).collect::<Result<_, String>>()?)
+            } else {
+                let options = variant.options(&self.options.calibrate);
+                cross_validate_thinned(fit, self.options.folds, Parts::Interleaved, COMPARED_PIXELS, &options)
+                    .map_err(|e| e.to_string())?
+            };
+            evaluations.push(EvaluatedCamera { name, ..held_out });
+        } else {
+            evaluations.extend(self.verify.par_iter().map(|c| evaluate(fit, c)).collect::<Vec<_>>());
         }
+        record.per_dataset =
+            evaluations.iter().map(|e| DatasetEvaluation { frames_detail: Vec::new(), ..e.record() }).collect();
+        let held_out: Vec<Vec<FrameErrors>> = evaluations[1..].iter().map(frame_errors).collect();
+        let [refused, all] =
+            held_out.iter().flatten().fold([0, 0], |[r, a], f| [r + f.uncorrectable[0], a + f.uncorrectable[1]]);
+        record.not_correctable = refused as f64 / all.max(1) as f64;
+        let joint = JointFit::of(fit, record.effective_parameters);
+        Ok(EvaluatedVariant { record, held_out, joint })
     }
 }
 
-/// Errors of held-out frames by dataset, and residuals of the fit.
-type HeldOutAndResiduals = (Vec<Vec<FrameErrors>>, Option<Residuals>);
-
-fn fit_and_evaluate(
-    variant: &Variant,
-    whole: &ImageCalibrations,
-    folds: &[(ImageCalibrations, CameraFrames)],
-    verify: &[CameraFrames],
-    base: &CameraOptions,
-    record: &mut ModelComparison,
-) -> Result<HeldOutAndResiduals, String> {
-    let fitted = whole.fit(variant, base)?;
-    record.parameters = fitted.camera.blocks().iter().map(|b| b.free.iter().filter(|f| **f).count()).sum();
-    record.effective_parameters = effective_parameters(&fitted);
-    let thinning = thinning(&fitted, COMPARED_PIXELS);
-    let evaluate =
-        |camera: &Camera, capture: &CameraFrames| evaluate_part(camera, capture, thinning, capture.frames.len());
-    let on_train = evaluate(&fitted.camera, &whole.capture);
-    record.fit = errors(&[frame_errors(&on_train)]);
-    let mut evaluations = vec![on_train];
-    if folds.is_empty() {
-        evaluations.extend(verify.par_iter().map(|c| evaluate(&fitted.camera, c)).collect::<Vec<_>>());
-    } else {
-        let parts: Result<Vec<EvaluatedCamera>, String> =
-            folds.par_iter().map(|(rest, held)| Ok(evaluate(&rest.fit(variant, base)?.camera, held))).collect();
-        let name = format!("{} (frames left out)", whole.capture.name);
-        let mut all = EvaluatedCamera { name, frames: Vec::new(), dropped: Vec::new() };
-        for part in parts? {
-            all.frames.extend(part.frames);
-            all.dropped.extend(part.dropped);
-        }
-        all.frames.sort_by(|a, b| a.name.cmp(&b.name));
-        evaluations.push(all);
+/// The frames of all folds, by name.
+fn joined(folds: Vec<EvaluatedCamera>) -> EvaluatedCamera {
+    let mut all = EvaluatedCamera { name: String::new(), frames: Vec::new(), dropped: Vec::new() };
+    for fold in folds {
+        all.frames.extend(fold.frames);
+        all.dropped.extend(fold.dropped);
     }
-    record.per_dataset =
-        evaluations.iter().map(|e| DatasetEvaluation { frames_detail: Vec::new(), ..e.record() }).collect();
-    let held: Vec<Vec<FrameErrors>> = evaluations[1..].iter().map(frame_errors).collect();
-    let [refused, all] =
-        held.iter().flatten().fold([0, 0], |[r, a], f| [r + f.uncorrectable[0], a + f.uncorrectable[1]]);
-    record.not_correctable = refused as f64 / all.max(1) as f64;
-    Ok((held, Residuals::of(&fitted, record.effective_parameters)))
+    all.frames.sort_by(|a, b| a.name.cmp(&b.name));
+    all
 }

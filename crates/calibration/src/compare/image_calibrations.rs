@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::variants::Variant;
-use crate::calibrate::{CalibrateError, CalibratedCamera, CameraOptions, calibrate_depth, calibrate_image};
+use crate::calibrate::{
+    CalibrateError, CalibratedCamera, CameraOptions, calibrate_depth, calibrate_image, readjust_part,
+};
 use crate::observe::{CameraFrames, PosedFrame};
 
 /// The frames of a fit, and their calibration from the images by lens model.
@@ -29,7 +31,24 @@ impl ImageCalibrations {
 
     /// Fits a variant's depth model on top of the calibration from the images.
     pub fn fit(&self, variant: &Variant, base: &CameraOptions) -> Result<CalibratedCamera, String> {
-        let image = self.by_lens.get(&variant.lens).cloned().unwrap_or_else(|| Err("no such lens".to_owned()))?;
-        calibrate_depth(image, &variant.options(base)).map_err(|e: CalibrateError| e.to_string())
+        calibrate_depth(self.image(variant)?, &variant.options(base)).map_err(|e: CalibrateError| e.to_string())
+    }
+    /// Fits a variant's depth model on top of the calibration from the images, where `whole` is its fit to these and further
+    /// frames: with the samples of that, and from its depth model.
+    pub fn fit_part(
+        &self,
+        whole: &CalibratedCamera,
+        variant: &Variant,
+        base: &CameraOptions,
+    ) -> Result<CalibratedCamera, String> {
+        if variant.is_of_markers() {
+            return self.fit(variant, base);
+        }
+        let image = self.image(variant)?;
+        readjust_part(image, whole, &variant.options(base)).map_err(|e| e.to_string())
+    }
+
+    fn image(&self, variant: &Variant) -> Result<CalibratedCamera<PosedFrame>, String> {
+        self.by_lens.get(&variant.lens).cloned().unwrap_or_else(|| Err("no such lens".to_owned()))
     }
 }

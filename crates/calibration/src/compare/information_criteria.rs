@@ -2,11 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::Point3;
+use depthcal_solver::Loss;
+use rayon::prelude::*;
 
+use crate::adjust::adjustment::{AdjustedCamera, Adjustment};
+use crate::adjust::leave_out::DECREASE;
+use crate::adjust::observations::HUBER;
+use crate::adjust::state::{CameraState, State};
 use crate::calibrate::{CalibratedCamera, Estimator};
-use crate::observe::board_plane::BoardPlane;
 use crate::observe::noise::NoiseModel;
+use crate::observe::{AdjustableFrame, DepthSample, SampledFrame};
 
 /// Number of free parameters of camera, lens and depth model; of fields only the effective number, tr(Σ N), which the data
 /// rather than the smoothness prior determine.
@@ -20,111 +25,81 @@ pub(super) fn effective_parameters(fitted: &CalibratedCamera) -> f64 {
     blocks.sum()
 }
 
-/// The residuals of a joint adjustment at what it was fitted to.
-pub(super) struct Residuals {
+/// A joint adjustment with what it was fitted to.
+pub(super) struct JointFit {
     effective: f64,
-    noise: NoiseModel,
-    frames: Vec<FrameResiduals>,
+    state: CameraState<SampledFrame>,
 }
 
-/// The residuals of a frame.
-struct FrameResiduals {
-    name: String,
-    /// Number of every marker, and its squared reprojection error, px².
-    markers: Vec<([u32; 2], f64)>,
-    /// Pixel of every depth sample, its predicted inverse depth and predicted minus measured, 1/mm.
-    depths: Vec<([u32; 2], [f32; 2])>,
-}
+/// The pixels of the depth samples and the numbers of the markers of every frame.
+type Observations = BTreeMap<String, [BTreeSet<[u32; 2]>; 2]>;
 
-impl Residuals {
-    /// Those of a joint adjustment with depth, which has so many effective parameters; `None` of other estimators.
-    pub fn of(fitted: &CalibratedCamera, effective: f64) -> Option<Self> {
-        if fitted.estimator != Estimator::Joint || !fitted.with_depth {
-            return None;
-        }
-        let (camera, target) = (&fitted.camera, &fitted.capture.target);
-        let frame = |frame: &crate::observe::SampledFrame| {
-            let plane = BoardPlane::new(&frame.camera_from_board);
-            let marker = |marker: &crate::observe::MarkerObservation| {
-                let point = Point3::from(camera.board_point(target.point(marker.index)));
-                let [u, v] = camera.project(&(frame.camera_from_board * point).coords)?;
-                let error = ((u - marker.pixel[0]).powi(2) + (v - marker.pixel[1]).powi(2)) / marker.std_px.powi(2);
-                Some(([marker.index as u32, 0], error))
-            };
-            let depth = |sample: &crate::observe::DepthSample| {
-                let measured = 1.0 / sample.depth_mm;
-                let [u, v] = sample.context.pixel;
-                let ray = camera.ray([u, v], measured).ok()?;
-                let [.., rho, cosine] = plane.depth_state(ray)?;
-                let predicted = camera.measured_inverse_depth(&sample.context, ray, cosine, rho);
-                let values = [predicted as f32, (predicted - measured) as f32];
-                values.iter().all(|v| v.is_finite()).then_some(([u as u32, v as u32], values))
-            };
-            FrameResiduals {
-                name: frame.name.clone(),
-                markers: frame.markers.iter().filter_map(marker).collect(),
-                depths: frame.samples.iter().filter_map(depth).collect(),
-            }
-        };
-        let frames = fitted.capture.frames.iter().map(frame).collect();
-        Some(Self { effective, noise: fitted.noise, frames })
+impl JointFit {
+    /// A joint adjustment with depth, which has so many effective parameters; `None` of other estimators.
+    pub fn of(fit: &CalibratedCamera, effective: f64) -> Option<Self> {
+        let (smoothness, prior) = (fit.smoothness.clone(), fit.prior.clone());
+        let state = CameraState::reference(fit.capture.clone(), fit.camera.clone(), fit.noise);
+        let is_joint = fit.estimator == Estimator::Joint && fit.with_depth;
+        is_joint.then_some(Self { effective, state: CameraState { smoothness, prior, ..state } })
+    }
+
+    /// The noise that weighted its residuals.
+    pub fn noise(&self) -> NoiseModel {
+        self.state.noise
     }
 
     /// Takes out what is not in all of the others.
-    fn retain_common(&mut self, others: &[BTreeMap<String, [BTreeSet<[u32; 2]>; 2]>]) {
-        for frame in &mut self.frames {
+    fn retain_common(&mut self, others: &[Observations]) {
+        for frame in &mut self.state.capture.frames {
+            let name = frame.name.clone();
             let in_all = |key: [u32; 2], kind: usize| {
-                others.iter().all(|fit| fit.get(&frame.name).is_some_and(|keys| keys[kind].contains(&key)))
+                others.iter().all(|fit| fit.get(&name).is_some_and(|keys| keys[kind].contains(&key)))
             };
-            frame.depths.retain(|(pixel, _)| in_all(*pixel, 0));
-            frame.markers.retain(|(number, _)| in_all(*number, 1));
+            frame.retain_samples(|sample| in_all(key_of(sample), 0));
+            frame.markers.retain(|marker| in_all([marker.index as u32, 0], 1));
         }
+        self.state.capture.frames.retain(|frame| !frame.markers.is_empty());
     }
 
-    /// Pixels of the depth samples and numbers of the markers of every frame.
-    fn observations(&self) -> BTreeMap<String, [BTreeSet<[u32; 2]>; 2]> {
-        let keys = |frame: &FrameResiduals| {
-            [frame.depths.iter().map(|(p, _)| *p).collect(), frame.markers.iter().map(|(n, _)| *n).collect()]
+    fn observations(&self) -> Observations {
+        let keys = |frame: &SampledFrame| {
+            let samples = frame.samples.iter().map(key_of).collect();
+            let markers = frame.markers.iter().map(|marker| [marker.index as u32, 0]).collect();
+            (frame.name.clone(), [samples, markers])
         };
-        self.frames.iter().map(|frame| (frame.name.clone(), keys(frame))).collect()
+        self.state.capture.frames.iter().map(keys).collect()
     }
 
-    /// −2 ln L under a noise model, up to a constant, and the number of rows.
-    fn deviance(&self, noise: &NoiseModel) -> (f64, f64) {
-        let (mut deviance, mut rows) = (0.0, 0.0);
-        for frame in &self.frames {
-            for (_, values) in &frame.depths {
-                let [rho, residual] = values.map(f64::from);
-                let sigma = noise.depth.sigma(rho);
-                deviance += (residual / sigma).powi(2) + 2.0 * sigma.ln();
-                rows += 1.0;
-            }
-            for (_, squared) in &frame.markers {
-                deviance += squared / noise.pixel_sigma.powi(2) + 4.0 * noise.pixel_sigma.ln();
-                rows += 2.0;
-            }
-        }
-        (deviance, rows)
+    /// AIC and BIC of the model, adjusted again with the weights that `noise` gives; `None` where the adjustment fails.
+    fn criteria(self, noise: &NoiseModel) -> Option<[f64; 2]> {
+        let state = State::of_camera(CameraState { noise: *noise, ..self.state });
+        let adjusted = Adjustment::of_state(&state, true).ok()?.solve_within(DECREASE).ok()?;
+        let AdjustedCamera { image_residuals, depth_residuals, .. } = adjusted.cameras.first()?;
+        let loss = Loss::Huber { delta: HUBER };
+        // The samples of a frame are not independent: together they count as fewer.
+        let weight = 1.0 / noise.planes.design_effect;
+        let of_markers: f64 = image_residuals.chunks(2).map(|r| loss.evaluate(r.iter().map(|r| r * r).sum())[0]).sum();
+        let of_depth: f64 = depth_residuals.iter().map(|r| loss.evaluate(r * r)[0]).sum();
+        let rows = image_residuals.len() as f64 + weight * depth_residuals.len() as f64;
+        Some([2.0, rows.ln()].map(|penalty| of_markers + weight * of_depth + penalty * self.effective))
     }
+}
+
+fn key_of(sample: &DepthSample) -> [u32; 2] {
+    sample.context.pixel.map(|c| c as u32)
 }
 
 /// AIC (Akaike 1974), −2 ln L + 2 k, and BIC (Schwarz 1978), −2 ln L + k ln n, of joint adjustments by their numbers, as
 /// differences from the least.
 ///
-/// All are judged on the observations that all were fitted to, and by the noise of the likeliest of them: with outliers and noise
-/// of its own, a fit that leaves more out, or calls more of it noise, would seem better than one that contains it. Residuals are
-/// taken as independent; pixels of a frame are correlated, so both favour large models.
-pub(super) fn criteria(mut fits: BTreeMap<usize, Residuals>) -> BTreeMap<usize, [f64; 2]> {
-    let observations: Vec<_> = fits.values().map(Residuals::observations).collect();
+/// All are adjusted again to the observations that all were fitted to, with the weights that one `noise` gives, and −2 ln L is
+/// the least sum of losses, so that no model is worse than one that it contains: with outliers, noise and a weight of depth of its
+/// own, a fit that leaves more out, or calls more of it noise, would seem better.
+pub(super) fn criteria(mut fits: BTreeMap<usize, JointFit>, noise: &NoiseModel) -> BTreeMap<usize, [f64; 2]> {
+    let observations: Vec<_> = fits.values().map(JointFit::observations).collect();
     fits.values_mut().for_each(|fit| fit.retain_common(&observations));
-    let by_its_noise = |fit: &Residuals| fit.deviance(&fit.noise).0;
-    let likeliest = fits.values().min_by(|a, b| by_its_noise(a).total_cmp(&by_its_noise(b)));
-    let Some(noise) = likeliest.map(|fit| fit.noise) else { return BTreeMap::new() };
-    let of_fit = |fit: &Residuals| {
-        let (deviance, rows) = fit.deviance(&noise);
-        [2.0, rows.ln()].map(|penalty| deviance + penalty * fit.effective)
-    };
-    let criteria: BTreeMap<usize, [f64; 2]> = fits.iter().map(|(number, fit)| (*number, of_fit(fit))).collect();
+    let of_fit = |(number, fit): (usize, JointFit)| Some((number, fit.criteria(noise)?));
+    let criteria: BTreeMap<usize, [f64; 2]> = fits.into_par_iter().filter_map(of_fit).collect();
     let least = [0, 1].map(|kind| criteria.values().map(|c| c[kind]).fold(f64::INFINITY, f64::min));
     criteria.into_iter().map(|(number, c)| (number, [c[0] - least[0], c[1] - least[1]])).collect()
 }
@@ -152,13 +127,13 @@ mod tests {
         };
         let fits = [fit(&[]), fit(&["quadratic_depth"]), fit(&["quadratic_depth", "range_offset"])];
         let effective: Vec<f64> = fits.iter().map(effective_parameters).collect();
-        let residuals = fits.iter().zip(&effective).map(|(fit, effective)| Residuals::of(fit, *effective).unwrap());
-        let criteria = criteria(residuals.enumerate().collect());
+        let joint = fits.iter().zip(&effective).map(|(fit, effective)| JointFit::of(fit, *effective).unwrap());
+        let criteria = criteria(joint.enumerate().collect(), &fits[1].noise);
         let rows: usize = fits[0].capture.frames.iter().map(|f| f.samples.len() + 2 * f.markers.len()).sum();
         assert!(criteria[&0][1] > 100.0, "the true model is better: {criteria:?}");
         for (kind, penalty) in [(0, 2.0), (1, (rows as f64).ln())] {
             let worse = criteria[&2][kind] - criteria[&1][kind];
-            // The larger one fits at least as well, but for what weights and losses of the two fits differ.
+            // The larger one fits at least as well, but for the end of the adjustment.
             assert!(worse < penalty * (effective[2] - effective[1]) + 1.0, "{criteria:?}");
         }
     }

@@ -11,7 +11,7 @@ use super::errors::{FrameErrors, errors, frame_errors};
 use super::image_calibrations::ImageCalibrations;
 use super::options::CompareOptions;
 use super::variants::Variant;
-use crate::calibrate::Estimator;
+use crate::calibrate::{CalibratedCamera, Estimator};
 use crate::judge::camera::evaluate_part;
 use crate::judge::cross_validation::thinning;
 use crate::observe::CameraFrames;
@@ -23,9 +23,10 @@ const SEED: u64 = 0x6c65_6172_6e00;
 const JUDGED_PIXELS: usize = 5000;
 
 /// Errors of fits to random subsets of the training frames, the same subsets for all models, on the other datasets; where
-/// there are none, on all training frames that the fit did not see.
+/// there are none, on all training frames that the fit did not see. `fits` are those of the models to all frames.
 pub(super) fn learning_curve(
     train: &CameraFrames,
+    fits: &[Result<CalibratedCamera, String>],
     verify: &[CameraFrames],
     options: &CompareOptions,
 ) -> Vec<LearningPoint> {
@@ -41,9 +42,9 @@ pub(super) fn learning_curve(
     let job = options.calibrate.progress.steps("learning curve", sizes.len());
     for size in sizes {
         // All frames can be chosen in one way only.
-        let fits = if size == total { 1 } else { options.learning_fits };
+        let draws = if size == total { 1 } else { options.learning_fits };
         let mut rng = ChaCha8Rng::seed_from_u64(SEED + size as u64);
-        let draws: Vec<Vec<bool>> = (0..fits)
+        let subsets: Vec<Vec<bool>> = (0..draws)
             .map(|_| {
                 let mut order: Vec<usize> = (0..total).collect();
                 order.shuffle(&mut rng);
@@ -53,21 +54,22 @@ pub(super) fn learning_curve(
             })
             .collect();
         // Errors of the held-out frames of every dataset, or why there is no fit, by draw and model.
-        let evaluated: Vec<Vec<Result<Vec<Vec<FrameErrors>>, String>>> = draws
+        let evaluated: Vec<Vec<Result<Vec<Vec<FrameErrors>>, String>>> = subsets
             .par_iter()
             .map(|chosen| {
                 let fitted = train.subset(|i, _| chosen[i]);
                 let left = [train.subset(|i, _| !chosen[i])];
                 let held_out = if verify.is_empty() { &left[..] } else { verify };
                 let from_image = ImageCalibrations::new(fitted, &[options.calibrate.lens.as_str()], &options.calibrate);
-                let errors_of = |model: &ModelSpec| {
+                let errors_of = |(model, whole): (&ModelSpec, &Result<CalibratedCamera, String>)| {
                     let variant = Variant::new(model, &options.calibrate.lens, Estimator::Joint);
-                    let fit = from_image.fit(&variant, &options.calibrate)?;
+                    let whole = whole.as_ref().map_err(String::clone)?;
+                    let fit = from_image.fit_part(whole, &variant, &options.calibrate)?;
                     let thinning = thinning(&fit, JUDGED_PIXELS);
                     let judged = |c: &CameraFrames| evaluate_part(&fit.camera, c, thinning, c.frames.len());
                     Ok(held_out.par_iter().map(|c| frame_errors(&judged(c))).collect())
                 };
-                options.models.par_iter().map(errors_of).collect()
+                options.models.par_iter().zip(fits).map(errors_of).collect()
             })
             .collect();
         for (m, model) in options.models.iter().enumerate() {
@@ -83,8 +85,8 @@ pub(super) fn learning_curve(
             points.push(LearningPoint {
                 model: model.clone(),
                 frames: size,
-                fits,
-                failed: fits - good.len(),
+                fits: draws,
+                failed: draws - good.len(),
                 reasons,
                 held_out: errors(&pooled),
             });

@@ -1,11 +1,11 @@
 //! Ranking of fitted variants by their held-out error, with intervals for errors and for differences from the best.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use depthcal_io::{Errors, Interval, ModelComparison};
 
 use super::errors::{FrameErrors, interval, resampled};
-use super::information_criteria::{Residuals, criteria};
+use super::information_criteria::{JointFit, criteria};
 
 /// Share of resampled values outside an interval: 95 % intervals.
 const OUTSIDE: f64 = 0.05;
@@ -16,8 +16,21 @@ pub(super) struct EvaluatedVariant {
     pub record: ModelComparison,
     /// Errors of the held-out frames, by dataset.
     pub held_out: Vec<Vec<FrameErrors>>,
-    /// Residuals of the fit, for AIC and BIC.
-    pub residuals: Option<Residuals>,
+    /// The fit, for AIC and BIC; `None` of other estimators than the joint adjustment.
+    pub joint: Option<JointFit>,
+}
+
+/// Leaves the held-out frames that were judged under all variants: errors of other frames are no comparison.
+fn retain_common_frames(evaluated: &mut [EvaluatedVariant]) {
+    let fitted = || evaluated.iter().filter(|variant| variant.record.failed.is_none());
+    let names_of = |frames: &Vec<FrameErrors>| frames.iter().map(|f| f.name.clone()).collect::<BTreeSet<String>>();
+    let datasets = fitted().map(|variant| variant.held_out.len()).min().unwrap_or(0);
+    let common: Vec<BTreeSet<String>> = (0..datasets)
+        .map(|d| fitted().map(|v| names_of(&v.held_out[d])).reduce(|a, b| &a & &b).unwrap_or_default())
+        .collect();
+    for variant in evaluated {
+        variant.held_out.iter_mut().zip(&common).for_each(|(frames, names)| frames.retain(|f| names.contains(&f.name)));
+    }
 }
 
 /// Intervals and criteria of all variants, of which the first `listed` are those asked for. Returns the records of the
@@ -27,15 +40,18 @@ pub(super) fn rank(
     listed: usize,
 ) -> (Vec<ModelComparison>, Vec<ModelComparison>) {
     let good: Vec<usize> = (0..evaluated.len()).filter(|i| evaluated[*i].record.failed.is_none()).collect();
+    retain_common_frames(&mut evaluated);
     let held: Vec<&[Vec<FrameErrors>]> = good.iter().map(|i| evaluated[*i].held_out.as_slice()).collect();
     let mut results: BTreeMap<usize, (Errors<_>, Vec<f64>)> = good.iter().copied().zip(resampled(&held)).collect();
     let error = |e: &Errors<Option<Interval>>| e.dot_error_mm.or(e.depth_rms_mm).map_or(f64::INFINITY, |i| i.mean);
-    let best = (0..listed)
-        .filter_map(|i| results.get(&i).map(|r| (i, error(&r.0))))
-        .min_by(|a, b| a.1.total_cmp(&b.1))
-        .map(|(i, value)| (results[&i].1.clone(), value));
-    let with_residuals = evaluated[..listed].iter_mut().enumerate();
-    let criteria = criteria(with_residuals.filter_map(|(i, e)| Some((i, e.residuals.take()?))).collect());
+    let mut by_error: Vec<(usize, f64)> =
+        (0..listed).filter_map(|i| results.get(&i).map(|r| (i, error(&r.0)))).collect();
+    by_error.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let best = by_error.first().map(|(i, value)| (results[i].1.clone(), *value));
+    // The noise of the one that predicts best is nearest to that of the measurements alone.
+    let noise = by_error.iter().find_map(|(i, _)| Some(evaluated[*i].joint.as_ref()?.noise()));
+    let joint = evaluated[..listed].iter_mut().enumerate().filter_map(|(i, e)| Some((i, e.joint.take()?))).collect();
+    let criteria = noise.map_or_else(BTreeMap::new, |noise| criteria(joint, &noise));
     // Bonferroni over the comparisons with the best model: 5 % is the chance that any difference is called real by accident.
     let outside = OUTSIDE / (listed.max(2) - 1) as f64;
     let mut records: Vec<ModelComparison> = evaluated

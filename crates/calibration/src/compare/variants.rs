@@ -22,11 +22,20 @@ impl Variant {
 
     /// `base` with the variant's model, lens and estimator.
     pub(super) fn options(&self, base: &CameraOptions) -> CameraOptions {
+        let (model, lens) = (self.model.clone(), self.lens.clone());
+        CameraOptions { model, lens, estimator: self.used_estimator(), ..base.clone() }
+    }
+
+    fn used_estimator(&self) -> Estimator {
         let all = [Estimator::Joint, Estimator::Linear, Estimator::Irls, Estimator::Nonlinear];
         let estimator = all.into_iter().find(|e| e.name() == self.estimator).unwrap_or_default();
         // Without a depth model, depth has no information about the camera: its errors would only bias the image calibration.
-        let estimator = if self.model.is_none() { Estimator::Linear } else { estimator };
-        CameraOptions { model: self.model.clone(), lens: self.lens.clone(), estimator, ..base.clone() }
+        if self.model.is_none() { Estimator::Linear } else { estimator }
+    }
+
+    /// Whether camera, lens and poses are those that the images alone give.
+    pub(super) fn is_of_markers(&self) -> bool {
+        self.used_estimator() != Estimator::Joint
     }
 }
 

@@ -10,7 +10,7 @@ use super::error::TaskError;
 use super::made::Made;
 use super::model_request::ModelRequest;
 use super::results::{Results, Shown};
-use crate::calibrate::{CalibratedCamera, CameraOptions, calibrate, calibrate_camera};
+use crate::calibrate::{CalibratedCamera, CameraOptions, calibrate};
 use crate::compare::{CompareOptions, compare};
 use crate::diagnose::rig::examined;
 use crate::load::Loaded;
@@ -108,13 +108,7 @@ impl CompareRequest {
             learning_fits: self.learning_fits,
             ..CompareOptions::default()
         };
-        let record = compare(&train, &verify, &options)?;
-        // Fitted again for its maps in the report: the comparison keeps no cameras.
-        let stage = options.calibrate.progress.stage("fitting the best model");
-        let best = record.models.first().filter(|model| model.failed.is_none()).and_then(|best| {
-            calibrate_camera(&train, &CameraOptions { model: best.model.clone(), ..options.calibrate.clone() }).ok()
-        });
-        drop(stage);
+        let (record, best) = compare(&train, &verify, &options)?;
         let captures = std::iter::once(train).chain(verify).collect();
         Ok(Compared { camera: name.to_owned(), captures, record, best, register: options.calibrate.register })
     }
