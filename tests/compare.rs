@@ -58,7 +58,7 @@ fn camera_2_has_the_thesis_pattern() {
     let train = rendered(2, Kind::General(1), &[], 12);
     let verify = [rendered(2, Kind::General(2), &[], 5), rendered(2, Kind::Plywood1, &[], 4)];
     let models = ["none", "projective:xw", "projective", "projective+bspline", "projective+outside"];
-    let comparison = compare(&train, &verify, &options(&models)).unwrap();
+    let (comparison, _) = compare(&train, &verify, &options(&models)).unwrap();
     for table in tables::tables(&comparison) {
         println!("{}\n{}", table.title, table.text);
     }
@@ -104,7 +104,7 @@ fn fields_win_where_the_truth_is_not_projective() {
     let effect = Effect::new("smooth_map", 10.0).unwrap();
     let train = rendered(1, Kind::General(1), &[effect], 18);
     let options = CompareOptions { thesis: false, learning_fits: 0, ..options(&["projective", "projective+bspline"]) };
-    let comparison = compare(&train, &[], &options).unwrap();
+    let (comparison, _) = compare(&train, &[], &options).unwrap();
     println!("{}", comparison.verdict.join("\n"));
     assert_eq!(comparison.models[0].model.to_string(), "projective+bspline");
     let plane = |name: &str| comparison.model(name).unwrap().held_out.plane_error_mm.unwrap().mean;

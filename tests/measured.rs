@@ -37,7 +37,7 @@ fn kinect2_maps_are_not_worse_than_d() {
         learning_sizes: Vec::new(),
         ..CompareOptions::default()
     };
-    let comparison = compare(&loaded.capture, &[], &options).unwrap();
+    let (comparison, _) = compare(&loaded.capture, &[], &options).unwrap();
     let dot = |name: &str| {
         let model = comparison.models.iter().find(|m| m.model.to_string() == name).unwrap();
         model.held_out.dot_error_mm.unwrap().mean

@@ -6,12 +6,13 @@ use std::sync::Arc;
 use depthcal_detect::{DetectOptions, Detector, chessboard_size, detect};
 use depthcal_io::GrayImage;
 use depthcal_model::{Pattern, Target};
+use depthcal_statistics::upper_median;
 use rayon::prelude::*;
 
 use super::board_alternative::Alternative;
 use super::board_fault::{BoardCause, BoardFault};
 use super::tag_board::tag_board;
-use crate::observe::RawFrame;
+use crate::observe::{MarkerObservation, RawFrame, Stored};
 
 /// Images that are looked at, spread over the capture.
 const IMAGES: usize = 6;
@@ -33,12 +34,41 @@ const ALTERNATIVES: [Source; 3] = [tag_board, chessboard, circles];
 /// The faults of a declared board with which the images show it; `None` where none is certain.
 pub fn board_cause<'a>(target: &Target, frames: impl Iterator<Item = &'a RawFrame>) -> Option<BoardCause> {
     let stored: Vec<_> = frames.filter_map(|frame| frame.image.as_ref()).collect();
+    let images = spread(stored);
+    let alternatives = || ALTERNATIVES.iter().flat_map(|source| source(target, &images));
+    alternatives().find_map(|alternative| confirmed(alternative, &images))
+}
+
+/// The faults of a declared board of tags of which frames show little, where `markers` are those that were found in each of
+/// `frames`, and the mended board shows clearly more; `None` where the board is as declared, or may be.
+pub fn board_cause_of_few_markers(
+    target: &Target,
+    frames: &[RawFrame],
+    markers: &[Vec<MarkerObservation>],
+) -> Option<BoardCause> {
+    /// Share of the board's markers in the median frame from which on nothing is doubted.
+    const MANY: f64 = 0.9;
+    /// How many times the markers the mended board has to show.
+    const MORE: f64 = 1.25;
+    let with_board: Vec<_> =
+        frames.iter().zip(markers).filter(|(frame, m)| frame.image.is_some() && !m.is_empty()).collect();
+    let mut shares: Vec<f64> = with_board.iter().map(|(_, m)| m.len() as f64 / target.len().max(1) as f64).collect();
+    let has_tags = |pattern: &Pattern| matches!(pattern, Pattern::Charuco { .. } | Pattern::Aprilgrid { .. });
+    if !target.parts().iter().all(|part| has_tags(&part.board.pattern)) || upper_median(&mut shares)? >= MANY {
+        return None;
+    }
+    let mean = with_board.iter().map(|(_, m)| m.len() as f64).sum::<f64>() / with_board.len() as f64;
+    let images = spread(with_board.into_iter().filter_map(|(frame, _)| frame.image.as_ref()).collect());
+    let shows_more = |cause: &BoardCause| cause.markers as f64 > MORE * mean * cause.found as f64;
+    tag_board(target, &images).into_iter().filter_map(|alternative| confirmed(alternative, &images)).find(shows_more)
+}
+
+/// Some of the images, in their order, small.
+fn spread(stored: Vec<&Stored<GrayImage>>) -> Vec<GrayImage> {
     let step = stored.len().div_ceil(IMAGES).max(1);
     let chosen: Vec<_> = stored.into_iter().step_by(step).collect();
     // An image that has become unreadable is reported by what needs it.
-    let images: Vec<GrayImage> = chosen.into_par_iter().filter_map(|image| image.get().ok()).map(small).collect();
-    let alternatives = || ALTERNATIVES.iter().flat_map(|source| source(target, &images));
-    alternatives().find_map(|alternative| confirmed(alternative, &images))
+    chosen.into_par_iter().filter_map(|image| image.get().ok()).map(small).collect()
 }
 
 /// The image, halved until it is small.
@@ -60,18 +90,20 @@ fn small(image: Arc<GrayImage>) -> GrayImage {
 /// The mended board is looked for in the images.
 fn confirmed(Alternative { target, is_mirrored, faults }: Alternative, images: &[GrayImage]) -> Option<BoardCause> {
     let options = DetectOptions { refine: false, detector: Detector::BuiltIn, ..DetectOptions::default() };
-    let is_found = |image: &&GrayImage| {
-        let mut image = (*image).clone();
+    let markers = |image: &GrayImage| {
+        let mut image = image.clone();
         if is_mirrored {
             let width = image.width;
             image.data.chunks_exact_mut(width).for_each(<[u16]>::reverse);
         }
         // A board that cannot be, such as one of two corners, is not found.
-        matches!(detect(&image, &target, &options), Ok(Some(detection)) if 2 * detection.markers.len() >= target.len().min(24))
+        let detection = detect(&image, &target, &options).ok().flatten()?;
+        Some(detection.markers.len()).filter(|markers| 2 * markers >= target.len().min(24))
     };
-    let found_in = images.par_iter().filter(is_found).count();
-    let tried = images.len();
-    (found_in > 0 && found_in as f64 >= SHARE * tried as f64).then_some(BoardCause { faults, found: found_in, tried })
+    let markers: Vec<usize> = images.par_iter().filter_map(markers).collect();
+    let (found_in, tried) = (markers.len(), images.len());
+    let is_confirmed = found_in > 0 && found_in as f64 >= SHARE * tried as f64;
+    is_confirmed.then(|| BoardCause { faults, found: found_in, markers: markers.iter().sum(), tried })
 }
 
 /// The chessboard whose size most images agree on.

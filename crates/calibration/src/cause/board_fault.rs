@@ -83,6 +83,8 @@ pub struct BoardCause {
     pub faults: Vec<BoardFault>,
     /// Images in which the mended board was found.
     pub found: usize,
+    /// Its markers in these.
+    pub markers: usize,
     /// Images that were tried.
     pub tried: usize,
 }

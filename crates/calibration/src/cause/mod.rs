@@ -24,7 +24,7 @@ mod registration;
 mod tag_board;
 
 #[cfg(feature = "detect")]
-pub use board::{TRIED, board_cause};
+pub use board::{TRIED, board_cause, board_cause_of_few_markers};
 #[cfg(feature = "detect")]
 pub use board_fault::{BoardCause, BoardFault};
 pub use depth_alternative::{DepthAlternative, Quantity, Turn};

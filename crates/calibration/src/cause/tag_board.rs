@@ -202,7 +202,12 @@ fn alternative(seen: &Seen, declared: &Declared, layout: Layout) -> Option<Alter
     ];
     let fits = |[c, r]: [usize; 2]| c == layout.columns && r > last_row;
     let measured = ([layout.columns, last_row + 1], "from the numbers of the tags that were seen");
-    let ([columns, rows], explanation) = sizes.into_iter().find(|(size, _)| fits(*size)).unwrap_or(measured);
+    let ends_there = |([c, r], _): &([usize; 2], &str)| *c == layout.columns && *r == last_row + 1;
+    // Rows may be hidden of the declared board; of another one a size that the tags fill is more likely than a larger one.
+    let [declared, ref others @ ..] = sizes;
+    let other = others.iter().find(|size| ends_there(size)).or_else(|| others.iter().find(|(size, _)| fits(*size)));
+    let chosen = if fits(declared.0) { Some(&declared) } else { other };
+    let ([columns, rows], explanation) = *chosen.unwrap_or(&measured);
     if !explanation.is_empty() {
         faults.push(BoardFault::Size { columns, rows, explanation });
     }
@@ -299,5 +304,24 @@ mod tests {
         let first_tag = BoardFault::FirstTag { seen: [20, 36] };
         let size = BoardFault::Size { columns: 7, rows: 5, explanation: "columns and rows are exchanged" };
         assert_eq!(faults, [dictionary, first_tag, size]);
+    }
+
+    /// Tags fill eight columns and six rows; nine and seven are declared, and exchanged without the border there would be ten.
+    #[test]
+    fn rows_that_tags_fill_are_more_likely_than_hidden_ones() {
+        let truth = Layout { is_charuco: true, columns: 8, first_white: 1, first_tag: 0 };
+        let tag = |id: usize| {
+            let [column, row] = truth.place(id)?;
+            let corners = [[0.15, 0.15], [0.85, 0.15], [0.85, 0.85], [0.15, 0.85]]
+                .map(|[x, y]| [40.0 * (column + x), 40.0 * (row + y)]);
+            Some(SeenTag { id, corners })
+        };
+        let seen =
+            Seen { dictionary: "DICT_4X4_1000", is_mirrored: false, tags: vec![(0..24).filter_map(tag).collect()] };
+        let pattern = Pattern::Charuco { marker_mm: 21.0, dictionary: "DICT_4X4_50".into() };
+        let board = Target { pattern, columns: 9, rows: 7, spacing_mm: 30.0 };
+        let declared = Declared { board, first_tag: 0, marker_mm: 21.0, dictionary: "DICT_4X4_50".into() };
+        let faults = alternative(&seen, &declared, truth).expect("faults").faults;
+        assert_eq!(faults, [BoardFault::Size { columns: 8, rows: 6, explanation: "counted in the images" }]);
     }
 }

@@ -24,7 +24,7 @@ use super::marker_lists::{GivenMarkers, markers_of};
 use super::per_board::{markers_per_board, per_board};
 use super::same_frames::drop_copies;
 #[cfg(feature = "detect")]
-use crate::cause::{TRIED, board_cause};
+use crate::cause::{TRIED, board_cause, board_cause_of_few_markers};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{
     CameraCapture, CameraFrames, Capture, DetectedFrame, DroppedFrame, MeasuredDepth, RawFrame, Stored,
@@ -488,6 +488,8 @@ fn find_markers(dataset: &DatasetCamera, frames: &[RawFrame], options: &LoadOpti
             return Err(LoadError::OtherBoard { root: dataset.root.clone(), cause: Box::new(cause) });
         }
         found_markers.tried = Some(TRIED);
+    } else if let Some(cause) = board_cause_of_few_markers(&dataset.target, frames, &found_markers.markers) {
+        return Err(LoadError::OtherBoard { root: dataset.root.clone(), cause: Box::new(cause) });
     }
     Ok(found_markers)
 }

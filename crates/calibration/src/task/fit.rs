@@ -1,5 +1,6 @@
 //! A dataset fitted and judged.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -130,6 +131,7 @@ impl FitRequest {
             }
             None => (all, None),
         };
+        self.check_parts(&capture)?;
         let images_only = !capture.has_depth() && self.model.model == "projective" && self.model.with.is_empty();
         if images_only {
             options.each.model = ModelSpec::none();
@@ -154,6 +156,15 @@ impl FitRequest {
         let record = calibration_record(&fitted, &on_fitted, reference, None);
         let evaluation = evaluation_record(&on_fitted, held_out.as_ref());
         Ok(Fit { loaded: loaded.clone(), fitted, images_only, on_fitted, held_out, record, evaluation, register })
+    }
+
+    /// Refuses a cross-validation in more parts than there are frames.
+    fn check_parts(&self, capture: &Capture) -> Result<(), TaskError> {
+        let names = capture.cameras.iter().flat_map(|camera| &camera.capture.frames).map(|frame| &frame.name);
+        let frames = names.collect::<BTreeSet<_>>().len();
+        let Some(parts) = self.cross_validate.filter(|parts| *parts > frames) else { return Ok(()) };
+        let problem = format!("asks for more parts than there are frames with a board, {frames}: give at most as many");
+        Err(TaskError::option(self.model.names.cross_validate, &parts.to_string(), problem))
     }
 
     /// The priors of the cameras.

@@ -43,7 +43,7 @@ impl OptionNames {
         lens: "lens",
         estimator: "estimator",
         hold_out: "hold_out",
-        cross_validate: "cross_validate_camera",
+        cross_validate: "cross_validate",
         prior: "prior",
         folds: "folds",
         verify: "verify",

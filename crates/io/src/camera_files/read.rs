@@ -6,6 +6,7 @@ use super::error::CameraFileError;
 use super::intrinsics::Intrinsics;
 use super::node::Node;
 use super::{colmap, document, keys, programs};
+use crate::file::StandIn;
 
 /// Reads a camera from a file of another program, whose format is recognised by its contents. Of several cameras one is named
 /// after the path: `camchain.yaml#cam1`.
@@ -43,6 +44,9 @@ fn text_of(bytes: &[u8]) -> &'static str {
 pub fn parse_camera(path: &Path, text: &str, name: Option<&str>) -> Result<Intrinsics, CameraFileError> {
     // Azure Kinect's factory calibration ends with a zero.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text).trim_end_matches('\0').trim_start_matches(['\r', '\n']);
+    if let Some(found) = StandIn::of(text.as_bytes()) {
+        return Err(CameraFileError::Read { path: path.to_owned(), reason: found.to_string() });
+    }
     if colmap::is_one(text) {
         let cameras = colmap::cameras(text);
         let ids = cameras.iter().map(|(id, _)| (*id).to_owned()).collect();

@@ -165,6 +165,19 @@ pub enum DatasetError {
         /// Stems of depth images that have no image.
         depth_without_image: Vec<String>,
     },
+    /// An image that is its own depth.
+    #[error(
+        "{path}: `{field}` finds {file} as image and as depth: give two globs that tell them apart, such as image = \"*_ir.png\" and depth = \
+         \"*_depth.png\"; only an NPZ holds both, as the arrays `image` and `depth`"
+    )]
+    ImageIsDepth {
+        /// The file `dataset.toml`.
+        path: PathBuf,
+        /// The section with both globs.
+        field: String,
+        /// A file that both find.
+        file: PathBuf,
+    },
     /// A file without a time where frames are paired by time.
     #[error(
         "{path}: `frames.within_s` pairs by time, but {file} has none in its name: list files and times in a text file, such as image = \

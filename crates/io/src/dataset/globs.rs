@@ -69,7 +69,8 @@ fn candidates(
 /// Pairs images with depth images, by time where `within_s` is given and else by name, and adds pairs and lone files to `frames`.
 ///
 /// # Errors
-/// [`DatasetError::Unpaired`] if nothing pairs, files without a time, and names that occur twice.
+/// [`DatasetError::Unpaired`] if nothing pairs, [`DatasetError::ImageIsDepth`] where an image would be its own depth, files
+/// without a time, and names that occur twice.
 fn add_pairs(
     root: &Path,
     file: &Path,
@@ -89,6 +90,13 @@ fn add_pairs(
             pairing::by_name(images, depth)
         }
     };
+    let holds_one = |file: &Path| file.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("npz"));
+    if let Some((_, i, _)) =
+        pairs.iter().find(|(_, i, d)| images[*i].path == depth[*d].path && holds_one(&images[*i].path))
+    {
+        let (path, file, field) = (file.to_owned(), images[*i].path.clone(), camera.field("depth"));
+        return Err(DatasetError::ImageIsDepth { path, field, file });
+    }
     let lone_images = unpaired(images, pairs.iter().map(|pair| pair.1).collect());
     let lone_depth = unpaired(depth, pairs.iter().map(|pair| pair.2).collect());
     if pairs.is_empty() {

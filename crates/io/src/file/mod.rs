@@ -6,6 +6,7 @@ mod finite;
 mod json;
 mod staged;
 mod staged_dataset;
+mod stand_in;
 mod temporary;
 mod versioned;
 mod write;
@@ -15,6 +16,7 @@ pub use error::FileError;
 pub use json::{is_of_depthcal, read_json, write_json, write_json_compact};
 pub use staged::{Displaced, OF_CALIBRATION, StagedResults, check_writable};
 pub use staged_dataset::StagedDataset;
+pub(crate) use stand_in::StandIn;
 pub use temporary::is_temporary;
 #[cfg(test)]
 pub(crate) use versioned::parse_versioned;

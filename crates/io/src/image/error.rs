@@ -1,7 +1,7 @@
 //! Errors of images.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why an image cannot be used. Every message names the file.
 #[derive(Debug, thiserror::Error)]
@@ -55,7 +55,7 @@ pub enum ImageError {
     /// Image and depth of a frame differ in size.
     #[error(
         "{image} has {}×{} pixels, but {depth} has {}×{}: a frame's image and depth must lie on one pixel grid; {}",
-        .image_size[0], .image_size[1], .depth_size[0], .depth_size[1], sizes_remedy(*.image_size, *.depth_size, *.orientation)
+        .image_size[0], .image_size[1], .depth_size[0], .depth_size[1], sizes_remedy((image, *.image_size), (depth, *.depth_size), *.orientation)
     )]
     SizesDiffer {
         /// The image.
@@ -72,7 +72,13 @@ pub enum ImageError {
 }
 
 /// The remedy for an image and a depth image of different sizes.
-fn sizes_remedy(image: [usize; 2], depth: [usize; 2], orientation: Option<u16>) -> String {
+fn sizes_remedy(
+    (image_path, image): (&Path, [usize; 2]),
+    (depth_path, depth): (&Path, [usize; 2]),
+    orientation: Option<u16>,
+) -> String {
+    let is_array =
+        |path: &Path| path.extension().is_some_and(|extension| extension.to_string_lossy().starts_with("np"));
     let turned = match orientation {
         Some(5) => Some("transposed"),
         Some(6) => Some("turned by 90° clockwise"),
@@ -85,6 +91,9 @@ fn sizes_remedy(image: [usize; 2], depth: [usize; 2], orientation: Option<u16>) 
             "the image's EXIF orientation {number} has viewers show it {turned}, which does not change its pixels, and the depth lies as it is shown: \
              write the image as it is shown without that entry, or turn the depth back"
         ),
+        (true, None) if is_array(image_path) != is_array(depth_path) => {
+            "the array was saved as (width, height): save its transpose, with the shape (height, width)".to_owned()
+        }
         (true, None) => "one of them is turned by 90°: turn it back".to_owned(),
         (false, _) => "register the depth to the image".to_owned(),
     }

@@ -6,9 +6,10 @@ use std::path::Path;
 use super::decoded::{self, Decoded};
 use super::depth_frame::{DepthFrame, DepthValues};
 use super::error::ImageError;
+use super::npy::Wanted;
 use super::raster::{DepthImage, GrayImage, RgbImage};
 use super::{exr_file, jpeg, npy, png16, pnm, tiff_file};
-use crate::file::{FileError, write_atomically};
+use crate::file::{FileError, StandIn, write_atomically};
 
 /// Formats that are read, for messages.
 const KNOWN: &str = "PNG, JPEG, TIFF, EXR, NPY, NPZ or binary PGM or PPM (P5, P6)";
@@ -161,7 +162,7 @@ pub fn decode_gray(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError> {
     } else if jpeg::is_jpeg(bytes) {
         jpeg::decode(path, bytes)
     } else {
-        decoded::gray(path, decode_other(path, bytes)?)
+        decoded::gray(path, decode_other(path, bytes, Wanted::Image)?)
     }
 }
 
@@ -175,7 +176,7 @@ pub fn decode_rgb(path: &Path, bytes: &[u8]) -> Result<RgbImage, ImageError> {
     } else if jpeg::is_jpeg(bytes) {
         jpeg::decode_rgb(path, bytes)
     } else {
-        decoded::rgb(path, decode_other(path, bytes)?)
+        decoded::rgb(path, decode_other(path, bytes, Wanted::Image)?)
     }
 }
 
@@ -192,13 +193,13 @@ pub fn decode_depth_frame(path: &Path, bytes: &[u8]) -> Result<DepthFrame, Image
     } else if bytes.is_empty() {
         "an empty file"
     } else {
-        return decoded::depth(path, decode_other(path, bytes)?);
+        return decoded::depth(path, decode_other(path, bytes, Wanted::Depth)?);
     };
     Err(ImageError::NotDepth { path: path.to_owned(), found: description.into() })
 }
 
 /// Decodes all formats but PNG and JPEG.
-fn decode_other(path: &Path, bytes: &[u8]) -> Result<Decoded, ImageError> {
+fn decode_other(path: &Path, bytes: &[u8], wanted: Wanted) -> Result<Decoded, ImageError> {
     if pnm::is_pnm(bytes) {
         pnm::decode(path, bytes)
     } else if tiff_file::is_tiff(bytes) {
@@ -208,12 +209,14 @@ fn decode_other(path: &Path, bytes: &[u8]) -> Result<Decoded, ImageError> {
     } else if npy::is_npy(bytes) {
         npy::decode(path, bytes)
     } else if npy::is_npz(bytes) {
-        npy::decode_archive(path, bytes)
+        npy::decode_archive(path, bytes, wanted)
     } else if bytes.is_empty() {
         Err(ImageError::Unsupported {
             path: path.to_owned(),
             problem: "the file is empty; copy or capture it anew".into(),
         })
+    } else if let Some(found) = StandIn::of(bytes) {
+        Err(ImageError::Unsupported { path: path.to_owned(), problem: found.to_string() })
     } else {
         Err(ImageError::UnknownFormat { path: path.to_owned(), expected: KNOWN })
     }

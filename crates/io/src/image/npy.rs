@@ -36,6 +36,10 @@ fn check_header(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
     };
     let text = length.filter(|length| *length <= 4096).and_then(|length| bytes.get(start..start + length));
     let text = text.ok_or_else(|| damaged(path, "its header is cut off or implausibly long"))?;
+    if text.windows(3).any(|kind| kind == b"'|O") {
+        let problem = "this NPY has Python objects instead of numbers, as arrays of unequal shapes become: save one array of numbers per frame";
+        return Err(ImageError::Unsupported { path: path.to_owned(), problem: problem.into() });
+    }
     let brackets = text.iter().filter(|byte| b"([{".contains(byte)).count();
     let numbers: Vec<&[u8]> = text.split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty()).collect();
     // One number is in the type, at most three are of the shape.
@@ -115,21 +119,45 @@ fn by_rows(values: Values, height: usize, width: usize, channels: usize) -> Valu
     }
 }
 
-/// The array of an archive: the only one, or one of these names.
-const NAMES: &[&str] = &["depth.npy", "image.npy", "ir.npy", "z.npy", "arr_0.npy"];
+/// What an archive is read for: the array of one of these names is taken where it has several.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Wanted {
+    /// An image.
+    Image,
+    /// A depth image.
+    Depth,
+}
 
-pub(crate) fn decode_archive(path: &Path, bytes: &[u8]) -> Result<Decoded, ImageError> {
+impl Wanted {
+    fn names(self) -> &'static [&'static str] {
+        match self {
+            Self::Image => &["image", "ir", "infrared", "amplitude", "gray", "grey", "color", "colour", "rgb"],
+            Self::Depth => &["depth", "depth_mm", "z", "disparity"],
+        }
+    }
+}
+
+pub(crate) fn decode_archive(path: &Path, bytes: &[u8], wanted: Wanted) -> Result<Decoded, ImageError> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| damaged(path, error))?;
     let names = archive.file_names().filter_map(|name| Some(name.ok()?.into_owned()));
-    let arrays: Vec<String> = names.filter(|name| name.ends_with(".npy")).collect();
+    let arrays: Vec<String> = names.filter_map(|name| Some(name.strip_suffix(".npy")?.to_owned())).collect();
     let name = match arrays.as_slice() {
         [one] => Some(one.clone()),
-        several => NAMES.iter().find(|name| several.iter().any(|array| array == *name)).map(|name| (*name).to_owned()),
+        several => {
+            let mut named = several.iter().filter(|array| wanted.names().contains(&array.to_lowercase().as_str()));
+            // Of two that could be meant none is.
+            named.next().filter(|_| named.next().is_none()).cloned()
+        }
     };
     let Some(name) = name else {
-        let problem = format!("this NPZ has the arrays {}: save one, or call it `depth` or `image`", arrays.join(", "));
+        let problem = format!(
+            "this NPZ has the arrays {}, and which one is meant is not clear: save one alone, or exactly one under a name such as \"{}\"",
+            arrays.join(", "),
+            wanted.names()[0]
+        );
         return Err(ImageError::Unsupported { path: path.to_owned(), problem });
     };
+    let name = name + ".npy";
     let member = archive.by_name(&name).map_err(|error| damaged(path, error))?;
     // Reading stops where the largest image ends, whatever the archive claims.
     let limit = 8 * MAX_PIXELS as u64;

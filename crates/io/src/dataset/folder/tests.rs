@@ -84,6 +84,15 @@ fn files_that_do_not_pair_at_all_are_an_error() {
 }
 
 #[test]
+fn an_image_is_not_its_own_depth() {
+    let both = |glob: &str| PAIRED.replace("ir/*.png", glob).replace("depth/*.png", glob);
+    let message = complaint(&make(&both("a/*.png"), &["a/1_ir.png", "a/1_depth.png"]));
+    assert!(message.contains("as image and as depth"), "{message}");
+    // An archive may hold both.
+    assert!(open(make(&both("a/*.npz"), &["a/1.npz"]).path()).is_ok());
+}
+
+#[test]
 fn prefixes_pair() {
     let folder = make(PAIRED, &["ir/rgb_1.png", "ir/rgb_2.png", "depth/depth_1.png", "depth/depth_2.png"]);
     let dataset = open(folder.path()).unwrap();

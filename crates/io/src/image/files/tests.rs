@@ -148,6 +148,18 @@ fn wrong_data_is_not_written() {
 }
 
 #[test]
+fn a_transposed_array_and_files_that_were_not_fetched_are_named() {
+    let sizes = |image: &str, depth: &str| {
+        check_same_size((Path::new(image), [640, 480]), (Path::new(depth), [480, 640])).unwrap_err().to_string()
+    };
+    assert!(sizes("a.png", "a.npy").contains("save its transpose"));
+    assert!(sizes("a.png", "b.png").contains("turned by 90°"));
+    let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n";
+    assert!(decode_gray(name(), pointer).unwrap_err().to_string().contains("git lfs pull"));
+    assert!(decode_depth_frame(name(), b"<!DOCTYPE html><html>").unwrap_err().to_string().contains("web page"));
+}
+
+#[test]
 fn files_that_are_no_images_are_named() {
     assert!(read_gray("set/none.png").unwrap_err().to_string().contains("set/none.png"));
     assert!(decode_gray(name(), b"GIF89a").unwrap_err().to_string().contains("PNG, JPEG, TIFF"));

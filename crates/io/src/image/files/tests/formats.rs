@@ -107,6 +107,7 @@ fn types_of_numpy() {
     assert!(depth_of(&npy("<u2", false, "2, 3, 2", &[0; 24])).unwrap_err().contains("2 channels"));
     assert!(depth_of(&npy("<u2", false, "6,", &[0; 12])).unwrap_err().contains("shape [6]"));
     assert!(depth_of(&npy("<u2", false, "2, 3", &[0; 11])).unwrap_err().contains("damaged"));
+    assert!(depth_of(&npy("|O", false, "2, 3", &[0; 48])).unwrap_err().contains("Python objects"));
 }
 
 #[test]
@@ -141,7 +142,15 @@ fn archives_of_numpy() {
     let depth = |members: &[(&str, &[u8])]| depth_of(&archive(members));
     assert_eq!(depth(&[("anything.npy", &one)]), Ok(DepthValues::Steps(vec![1])));
     assert_eq!(depth(&[("a.npy", &one), ("depth.npy", &two)]), Ok(DepthValues::Steps(vec![2])));
-    assert!(depth(&[("a.npy", &one), ("b.npy", &two)]).unwrap_err().contains("a.npy, b.npy"));
+    assert!(
+        depth(&[("a.npy", &one), ("b.npy", &two)]).unwrap_err().contains("the arrays a, b, and which one is meant")
+    );
+    // Names as NumPy gives them say nothing, and of two names that could be meant none is taken.
+    assert!(depth(&[("arr_0.npy", &one), ("arr_1.npy", &two)]).unwrap_err().contains("arr_0, arr_1"));
+    assert!(depth(&[("z.npy", &one), ("depth.npy", &two)]).unwrap_err().contains("z, depth"));
+    let both = archive(&[("depth.npy", &one), ("image.npy", &two)]);
+    assert_eq!(decode_gray(name(), &both).unwrap().data, [2]);
+    assert_eq!(depth_of(&both), Ok(DepthValues::Steps(vec![1])));
     assert!(depth(&[("readme.txt", b"x")]).is_err());
 }
 
