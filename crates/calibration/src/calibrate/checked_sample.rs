@@ -5,12 +5,12 @@ use rayon::prelude::*;
 use tracing::warn;
 
 use super::camera_options::CameraOptions;
-use super::depth_scale::{check_scale, scale_hint};
+use super::depth_scale::{check_one_unit, check_scale, scale_hint};
 use super::error::CalibrateError;
 use super::joint::sample;
 use crate::adjust::blocks::is_depth_only;
 use crate::cause::{DepthFinding, examine_depth};
-use crate::observe::{CameraFrames, DetectedFrame, DroppedFrame, PosedFrame, SampledFrame};
+use crate::observe::{CameraFrames, DetectedFrame, DroppedFrame, MeasuredDepth, PosedFrame, RawFrame, SampledFrame};
 use crate::start::{FEWEST_FRAMES, FrameMarkers, estimate_pose};
 
 /// [`sample`], where depth does not contradict the boards that the images show; without frames whose depth is that of another
@@ -36,6 +36,7 @@ fn sample_if_right(
     light: Option<Modulation>,
     options: &CameraOptions,
 ) -> Result<(CameraFrames<SampledFrame>, Option<usize>), CalibrateError> {
+    check_any_measurement(&capture)?;
     let finding = examine_depth(&capture, camera)?;
     if let DepthFinding::Cause(cause) = finding {
         if !cause.is_range_only() {
@@ -126,6 +127,17 @@ pub fn check_declared_depth(
     check_depth(&capture.with_frames(posed), &bare, options)
 }
 
+/// Refuses depth images none of which has a measurement anywhere.
+fn check_any_measurement(capture: &CameraFrames<PosedFrame>) -> Result<(), CalibrateError> {
+    let raw = capture.frames.iter().map(|frame| &frame.detected.raw);
+    let with_depth: Vec<&RawFrame> = raw.filter(|raw| !matches!(raw.depth, MeasuredDepth::None)).collect();
+    let is_empty = |raw: &&RawFrame| matches!(raw.depth, MeasuredDepth::Image(_)) && raw.depth_digest.is_none();
+    match !with_depth.is_empty() && with_depth.iter().all(is_empty) {
+        true => Err(CalibrateError::NoMeasurement { dataset: capture.name.clone(), frames: with_depth.len() }),
+        false => Ok(()),
+    }
+}
+
 fn sampled_in_scale(
     capture: CameraFrames<PosedFrame>,
     camera: &Camera,
@@ -133,6 +145,7 @@ fn sampled_in_scale(
     options: &CameraOptions,
 ) -> Result<(CameraFrames<SampledFrame>, Option<usize>), CalibrateError> {
     let (sampled, correlation) = sample(capture, camera, light, options)?;
+    check_one_unit(&sampled)?;
     check_scale(&sampled)?;
     if let Some(hint) = scale_hint(&sampled) {
         warn!("{hint}");

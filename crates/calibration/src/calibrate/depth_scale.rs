@@ -80,6 +80,56 @@ impl ImplausibleScale {
     }
 }
 
+/// Depth of some frames is many times that of the others.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error(
+    "depth of {higher} of {frames} frames, such as {first_higher}, is {factor:.4} times that of the others, such as {first_lower}, against the boards that \
+     the images show: they are in different units, or of different recordings; convert the depth of one kind, or make a dataset of each with its own depth.unit_mm"
+)]
+pub struct SeveralUnits {
+    /// How many times.
+    pub factor: f64,
+    /// The number of frames with the larger values.
+    pub higher: usize,
+    /// The number of all frames with depth.
+    pub frames: usize,
+    /// The first of the frames with the larger values.
+    pub first_higher: String,
+    /// The first of the others.
+    pub first_lower: String,
+}
+
+/// Refuses depth in two units: the scales of frames make two groups, each as narrow as a depth camera's error, far apart.
+pub(super) fn check_one_unit(capture: &CameraFrames<SampledFrame>) -> Result<(), SeveralUnits> {
+    /// Ratio of the scales of two frames of one group at most, and of neighbouring ones of different groups at least.
+    const WITHIN: f64 = 1.3;
+    const BETWEEN: f64 = 1.8;
+    /// Fewer frames of a group may be those of other images.
+    const FEWEST: usize = 3;
+    let of_frame = |frame: &SampledFrame| Some((upper_median(&mut ratios(frame))?, frame.name.clone()));
+    let mut scales: Vec<(f64, String)> = capture.frames.iter().filter_map(of_frame).filter(|s| s.0 > 0.0).collect();
+    scales.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let ratio = |low: usize, high: usize| scales[high].0 / scales[low].0;
+    let Some(split) = (1..scales.len()).max_by(|a, b| ratio(a - 1, *a).total_cmp(&ratio(b - 1, *b))) else {
+        return Ok(());
+    };
+    let last = scales.len() - 1;
+    let are_groups = split >= FEWEST && scales.len() - split >= FEWEST;
+    if !are_groups || ratio(split - 1, split) < BETWEEN || ratio(0, split - 1).max(ratio(split, last)) > WITHIN {
+        return Ok(());
+    }
+    let (lower, higher) = scales.split_at(split);
+    let middle = |group: &[(f64, String)]| group[group.len() / 2].0;
+    let first = |group: &[(f64, String)]| group.iter().map(|(_, name)| name.clone()).min().unwrap_or_default();
+    Err(SeveralUnits {
+        factor: middle(higher) / middle(lower),
+        higher: higher.len(),
+        frames: scales.len(),
+        first_higher: first(higher),
+        first_lower: first(lower),
+    })
+}
+
 /// The scale where it deviates from one by more than `most_deviation`.
 pub fn implausible_scale(capture: &CameraFrames<SampledFrame>, most_deviation: f64) -> Option<ImplausibleScale> {
     let scale = depth_scale(capture).filter(|scale| (scale - 1.0).abs() > most_deviation)?;
@@ -116,12 +166,14 @@ pub(super) fn scale_hint(capture: &CameraFrames<SampledFrame>) -> Option<String>
 
 /// Median of measured depth over the depth of the board point that a sample sees; `None` without samples.
 fn depth_scale(capture: &CameraFrames<SampledFrame>) -> Option<f64> {
-    let of_frame = |frame: &SampledFrame| -> Vec<f64> {
-        let board_depth_mm = |[x, y]: [f64; 2]| (frame.camera_from_board * Point3::new(x, y, 0.0)).z;
-        frame.samples.iter().map(|sample| sample.depth_mm / board_depth_mm(sample.board_seed)).collect()
-    };
-    let mut ratios: Vec<f64> = capture.frames.iter().flat_map(of_frame).filter(|ratio| ratio.is_finite()).collect();
-    upper_median(&mut ratios)
+    upper_median(&mut capture.frames.iter().flat_map(ratios).collect::<Vec<_>>())
+}
+
+/// Measured depth over the depth of the board point that a sample sees, of every sample of a frame.
+fn ratios(frame: &SampledFrame) -> Vec<f64> {
+    let board_depth_mm = |[x, y]: [f64; 2]| (frame.camera_from_board * Point3::new(x, y, 0.0)).z;
+    let ratios = frame.samples.iter().map(|sample| sample.depth_mm / board_depth_mm(sample.board_seed));
+    ratios.filter(|ratio| ratio.is_finite()).collect()
 }
 
 #[cfg(test)]
@@ -135,5 +187,29 @@ mod tests {
         assert!(message(0.00099, 1.0).contains("metres has unit_mm = 1000"), "{}", message(0.00099, 1.0));
         assert!(message(5.03, 1.0).contains("5000 steps to a metre has unit_mm = 0.2"));
         assert!(!message(3.0, 1.0).contains("has unit_mm"));
+    }
+
+    #[cfg(feature = "simulate")]
+    #[test]
+    fn depth_in_two_units_is_told_from_frames_that_are_off() {
+        use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
+
+        use crate::calibrate::{CalibrateError, CameraOptions, calibrate_camera};
+        let scaled = |factor: f64, count: usize| {
+            let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], 4);
+            let mut capture = crate::simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+            for frame in capture.frames.iter_mut().rev().take(count) {
+                frame.raw.depth_pixels_mut().iter_mut().for_each(|pixel| pixel.depth_mm *= factor);
+            }
+            calibrate_camera(&capture, &CameraOptions::default())
+        };
+        match scaled(5.0, 10) {
+            Err(CalibrateError::Units(units)) => {
+                assert!((units.factor - 5.0).abs() < 0.1 && units.higher == 10, "{units}");
+            }
+            other => panic!("{:?}", other.map(|_| ()).map_err(|e| e.to_string())),
+        }
+        // Of two frames it may be depth of other images, which are dropped.
+        assert_eq!(scaled(5.0, 2).expect("a fit").foreign_depth.len(), 2);
     }
 }

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use depthcal_io::ImageError;
 
-use super::depth_scale::ImplausibleScale;
+use super::depth_scale::{ImplausibleScale, SeveralUnits};
 use super::rig_contradiction::RigContradiction;
 use super::undetermined::UndeterminedModel;
 #[cfg(feature = "detect")]
@@ -80,6 +80,20 @@ pub enum CalibrateError {
         /// The dataset.
         dataset: String,
     },
+    /// No depth image has a measurement anywhere.
+    #[error(
+        "none of the {frames} depth images of '{dataset}' has any measurement (all values are 0, or the type's largest): check that the \
+             depth glob finds depth images, and that the sensor recorded depth"
+    )]
+    NoMeasurement {
+        /// The dataset.
+        dataset: String,
+        /// The number of depth images.
+        frames: usize,
+    },
+    /// Depth of some frames is in another unit.
+    #[error(transparent)]
+    Units(#[from] SeveralUnits),
     /// Depth and image disagree by a factor that no camera has.
     #[error(transparent)]
     Scale(#[from] ImplausibleScale),

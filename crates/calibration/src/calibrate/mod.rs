@@ -52,7 +52,7 @@ pub use camera::{calibrate_camera, calibrate_depth, calibrate_keeping_samples, p
 pub use camera_options::{CameraOptions, Estimator};
 pub use checked_sample::check_declared_depth;
 pub(crate) use contradiction::check_evidence;
-pub use depth_scale::{ImplausibleScale, PLAUSIBLE_SCALE_DEVIATION, implausible_scale};
+pub use depth_scale::{ImplausibleScale, PLAUSIBLE_SCALE_DEVIATION, SeveralUnits, implausible_scale};
 pub use driver::calibrate;
 pub(crate) use driver::fit;
 pub use error::CalibrateError;
