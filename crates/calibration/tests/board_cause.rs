@@ -28,8 +28,8 @@ fn views(printed: &Target, columns: f64) -> Vec<RawFrame> {
         let (tilt, direction) = (0.15 + 0.1 * number as f64, number as f64);
         let pose = Pose::looking(&camera, middle, centre, z, tilt, direction, 0.1);
         let mut image = Scene::new(camera, pose, &texture, number).render();
-        let kept = (columns * image.width as f64) as usize;
-        image.data.chunks_exact_mut(image.width).for_each(|row| row[kept..].fill(120));
+        let shown = (columns * image.width as f64) as usize;
+        image.data.chunks_exact_mut(image.width).for_each(|row| row[shown..].fill(120));
         RawFrame { name: number.to_string(), image: Some(image.into()), ..RawFrame::default() }
     };
     (0..4).map(view).collect()

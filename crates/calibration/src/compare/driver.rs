@@ -111,7 +111,7 @@ fn folds(
     (0..options.folds).into_par_iter().map(part).collect()
 }
 
-/// What variants are judged on.
+/// The frames and calibrations that variants are judged on.
 struct Judging<'a> {
     whole: &'a ImageCalibrations,
     folds: Vec<(ImageCalibrations, CameraFrames)>,

@@ -93,8 +93,8 @@ fn key_of(sample: &DepthSample) -> [u32; 2] {
 /// differences from the least.
 ///
 /// All are adjusted again to the observations that all were fitted to, with the weights that one `noise` gives, and −2 ln L is
-/// the least sum of losses, so that no model is worse than one that it contains: with outliers, noise and a weight of depth of its
-/// own, a fit that leaves more out, or calls more of it noise, would seem better.
+/// the least sum of losses, so that no model is worse than one that it contains: with outliers, noise and a weight of depth of
+/// its own, a fit that leaves more out, or calls more of it noise, would seem better.
 pub(super) fn criteria(mut fits: BTreeMap<usize, JointFit>, noise: &NoiseModel) -> BTreeMap<usize, [f64; 2]> {
     let observations: Vec<_> = fits.values().map(JointFit::observations).collect();
     fits.values_mut().for_each(|fit| fit.retain_common(&observations));

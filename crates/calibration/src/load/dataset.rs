@@ -17,21 +17,19 @@ use tracing::{debug, info, warn};
 use super::cache::{self, DETECTION, DETECTION_VERSION, LAYOUT};
 use super::circle_diameter::MeasuredDiameter;
 use super::declared_camera::declared_camera;
+#[cfg(feature = "detect")]
+use super::detection::find_board;
 use super::error::LoadError;
 use super::found::Found;
 use super::given_markers::given_markers;
 use super::marker_lists::{GivenMarkers, markers_of};
 use super::per_board::{markers_per_board, per_board};
 use super::same_frames::drop_copies;
-#[cfg(feature = "detect")]
-use crate::cause::{TRIED, board_cause, board_cause_of_few_markers};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{
     CameraCapture, CameraFrames, Capture, DetectedFrame, DroppedFrame, MeasuredDepth, RawFrame, Stored,
 };
 use crate::progress::ProgressHandle;
-#[cfg(feature = "detect")]
-use crate::start::FEWEST_FRAMES;
 
 /// The setting that names the file of markers that another program found.
 const MARKERS: &str = "markers";
@@ -299,7 +297,7 @@ fn read_camera(
             detected
         }
         (None, Some(file)) => given_markers(file, &dataset, (width, height))?,
-        (None, None) => find_markers(&dataset, &frames, options)?,
+        (None, None) => find_board(&dataset, &frames, options)?,
     };
     let file = file.map(|file| {
         let digest = digest_files(file.parent().unwrap_or(Path::new("")), &[file.to_owned()])?;
@@ -473,25 +471,8 @@ pub(super) fn since_first(frames: &mut [RawFrame]) {
 }
 
 #[cfg(not(feature = "detect"))]
-fn find_markers(dataset: &DatasetCamera, _frames: &[RawFrame], _options: &LoadOptions) -> Result<Found, LoadError> {
+fn find_board(dataset: &DatasetCamera, _frames: &[RawFrame], _options: &LoadOptions) -> Result<Found, LoadError> {
     Err(LoadError::NoDetection { root: dataset.root.clone() })
-}
-
-#[cfg(feature = "detect")]
-fn find_markers(dataset: &DatasetCamera, frames: &[RawFrame], options: &LoadOptions) -> Result<Found, LoadError> {
-    let mut found_markers =
-        super::detection::find_markers(&dataset.target, frames, &options.register, &options.progress)?;
-    let with_board = found_markers.markers.iter().filter(|markers| !markers.is_empty()).count();
-    if with_board < FEWEST_FRAMES.min(frames.len()) {
-        let _stage = options.progress.stage("looking for other boards");
-        if let Some(cause) = board_cause(&dataset.target, frames.iter()) {
-            return Err(LoadError::OtherBoard { root: dataset.root.clone(), cause: Box::new(cause) });
-        }
-        found_markers.tried = Some(TRIED);
-    } else if let Some(cause) = board_cause_of_few_markers(&dataset.target, frames, &found_markers.markers) {
-        return Err(LoadError::OtherBoard { root: dataset.root.clone(), cause: Box::new(cause) });
-    }
-    Ok(found_markers)
 }
 
 /// The rigid motion of the rows of (R | t), with the rotation next to R.

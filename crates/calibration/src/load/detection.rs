@@ -3,6 +3,7 @@
 use depthcal_detect::{
     CircleDiameter, DetectOptions, Detection, FrameError, Marker, RefineOptions, measure_circle_diameter,
 };
+use depthcal_io::DatasetCamera;
 use depthcal_model::{Camera, CharucoLayout, Register, Target};
 use depthcal_statistics::upper_median;
 use nalgebra::{Isometry3, Point3};
@@ -10,12 +11,14 @@ use rayon::prelude::*;
 use tracing::info;
 
 use super::circle_diameter::MeasuredDiameter;
+use super::dataset::LoadOptions;
 use super::error::LoadError;
 use super::found::Found;
 use crate::calibrate::{CalibratedCamera, CameraOptions, calibrate_image};
+use crate::cause::{TRIED, board_cause, board_cause_of_few_markers};
 use crate::observe::{CameraFrames, DetectedFrame, MarkerObservation, PosedFrame, RawFrame};
 use crate::progress::ProgressHandle;
-use crate::start::{FrameMarkers, is_wide};
+use crate::start::{FEWEST_FRAMES, FrameMarkers, is_wide};
 
 /// Rounds of calibration and refinement; the second moves centres by less than a hundredth of a pixel.
 const ROUNDS: usize = 2;
@@ -24,10 +27,35 @@ const MEASURED_FRAMES: usize = 24;
 /// Smallest standard deviation of a marker, px: the fit of one dot's grey values does not see errors of print and rounding.
 const FLOOR_PX: f64 = 0.02;
 
+/// The markers of a dataset's board in its frames.
+///
+/// # Errors
+///
+/// [`LoadError::OtherBoard`] where the images show another board than the declared one; [`LoadError`] of the images.
+pub(super) fn find_board(
+    dataset: &DatasetCamera,
+    frames: &[RawFrame],
+    options: &LoadOptions,
+) -> Result<Found, LoadError> {
+    let mut board = find_markers(&dataset.target, frames, &options.register, &options.progress)?;
+    let with_board = board.markers.iter().filter(|markers| !markers.is_empty()).count();
+    let cause = if with_board < FEWEST_FRAMES.min(frames.len()) {
+        let _stage = options.progress.stage("looking for other boards");
+        board.tried = Some(TRIED);
+        board_cause(&dataset.target, frames.iter())
+    } else {
+        board_cause_of_few_markers(&dataset.target, frames, &board.markers)
+    };
+    match cause {
+        Some(cause) => Err(LoadError::OtherBoard { root: dataset.root.clone(), cause: Box::new(cause) }),
+        None => Ok(board),
+    }
+}
+
 /// Markers of every frame, in order; none where the board was not found. The diameter of dots is measured. Dots are refined as in
 /// Datta, Kim, Kanade 2009: calibrate, rectify with the camera, match, map back, again. Where the frames do not determine a
 /// camera (all boards parallel, too few frames), the rectification of each frame's own homography stays.
-pub(crate) fn find_markers(
+fn find_markers(
     target: &Target,
     frames: &[RawFrame],
     register: &Register,

@@ -44,8 +44,8 @@ fn text_of(bytes: &[u8]) -> &'static str {
 pub fn parse_camera(path: &Path, text: &str, name: Option<&str>) -> Result<Intrinsics, CameraFileError> {
     // Azure Kinect's factory calibration ends with a zero.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text).trim_end_matches('\0').trim_start_matches(['\r', '\n']);
-    if let Some(found) = StandIn::of(text.as_bytes()) {
-        return Err(CameraFileError::Read { path: path.to_owned(), reason: found.to_string() });
+    if let Some(stand_in) = StandIn::of(text.as_bytes()) {
+        return Err(CameraFileError::Read { path: path.to_owned(), reason: stand_in.to_string() });
     }
     if colmap::is_one(text) {
         let cameras = colmap::cameras(text);

@@ -12,7 +12,7 @@ pub(crate) enum StandIn {
 }
 
 impl StandIn {
-    /// What a file with these contents stands in for; `None` of others.
+    /// The kind of stand-in that a file with these contents is; `None` of other files.
     pub fn of(bytes: &[u8]) -> Option<Self> {
         let text = bytes.trim_ascii_start();
         let starts_with =

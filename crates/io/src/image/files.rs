@@ -215,8 +215,8 @@ fn decode_other(path: &Path, bytes: &[u8], wanted: Wanted) -> Result<Decoded, Im
             path: path.to_owned(),
             problem: "the file is empty; copy or capture it anew".into(),
         })
-    } else if let Some(found) = StandIn::of(bytes) {
-        Err(ImageError::Unsupported { path: path.to_owned(), problem: found.to_string() })
+    } else if let Some(stand_in) = StandIn::of(bytes) {
+        Err(ImageError::Unsupported { path: path.to_owned(), problem: stand_in.to_string() })
     } else {
         Err(ImageError::UnknownFormat { path: path.to_owned(), expected: KNOWN })
     }

@@ -119,7 +119,7 @@ fn by_rows(values: Values, height: usize, width: usize, channels: usize) -> Valu
     }
 }
 
-/// What an archive is read for: the array of one of these names is taken where it has several.
+/// The purpose that an archive is read for, which tells the array that is meant where it has several.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Wanted {
     /// An image.
