@@ -297,7 +297,7 @@ fn read_camera(
             detected
         }
         (None, Some(file)) => given_markers(file, &dataset, (width, height))?,
-        (None, None) => find_board(&dataset, &frames, options)?,
+        (None, None) => find_board(&dataset.root, &dataset.target, &frames, &options.register, &options.progress)?,
     };
     let file = file.map(|file| {
         let digest = digest_files(file.parent().unwrap_or(Path::new("")), &[file.to_owned()])?;
@@ -471,8 +471,14 @@ pub(super) fn since_first(frames: &mut [RawFrame]) {
 }
 
 #[cfg(not(feature = "detect"))]
-fn find_board(dataset: &DatasetCamera, _frames: &[RawFrame], _options: &LoadOptions) -> Result<Found, LoadError> {
-    Err(LoadError::NoDetection { root: dataset.root.clone() })
+fn find_board(
+    root: &Path,
+    _target: &depthcal_model::Target,
+    _frames: &[RawFrame],
+    _register: &Register,
+    _progress: &ProgressHandle,
+) -> Result<Found, LoadError> {
+    Err(LoadError::NoDetection { root: root.to_owned() })
 }
 
 /// The rigid motion of the rows of (R | t), with the rotation next to R.

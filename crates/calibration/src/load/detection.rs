@@ -1,9 +1,10 @@
 //! Boards in images, and circle centres refined with the camera that they give.
 
+use std::path::Path;
+
 use depthcal_detect::{
     CircleDiameter, DetectOptions, Detection, FrameError, Marker, RefineOptions, measure_circle_diameter,
 };
-use depthcal_io::DatasetCamera;
 use depthcal_model::{Camera, CharucoLayout, Register, Target};
 use depthcal_statistics::upper_median;
 use nalgebra::{Isometry3, Point3};
@@ -11,7 +12,6 @@ use rayon::prelude::*;
 use tracing::info;
 
 use super::circle_diameter::MeasuredDiameter;
-use super::dataset::LoadOptions;
 use super::error::LoadError;
 use super::found::Found;
 use crate::calibrate::{CalibratedCamera, CameraOptions, calibrate_image};
@@ -27,27 +27,29 @@ const MEASURED_FRAMES: usize = 24;
 /// Smallest standard deviation of a marker, px: the fit of one dot's grey values does not see errors of print and rounding.
 const FLOOR_PX: f64 = 0.02;
 
-/// The markers of a dataset's board in its frames.
+/// The markers of the declared board in the frames of the dataset in the folder `root`.
 ///
 /// # Errors
 ///
 /// [`LoadError::OtherBoard`] where the images show another board than the declared one; [`LoadError`] of the images.
 pub(super) fn find_board(
-    dataset: &DatasetCamera,
+    root: &Path,
+    target: &Target,
     frames: &[RawFrame],
-    options: &LoadOptions,
+    register: &Register,
+    progress: &ProgressHandle,
 ) -> Result<Found, LoadError> {
-    let mut board = find_markers(&dataset.target, frames, &options.register, &options.progress)?;
+    let mut board = find_markers(target, frames, register, progress)?;
     let with_board = board.markers.iter().filter(|markers| !markers.is_empty()).count();
     let cause = if with_board < FEWEST_FRAMES.min(frames.len()) {
-        let _stage = options.progress.stage("looking for other boards");
+        let _stage = progress.stage("looking for other boards");
         board.tried = Some(TRIED);
-        board_cause(&dataset.target, frames.iter())
+        board_cause(target, frames.iter())
     } else {
-        board_cause_of_few_markers(&dataset.target, frames, &board.markers)
+        board_cause_of_few_markers(target, frames, &board.markers)
     };
     match cause {
-        Some(cause) => Err(LoadError::OtherBoard { root: dataset.root.clone(), cause: Box::new(cause) }),
+        Some(cause) => Err(LoadError::OtherBoard { root: root.to_owned(), cause: Box::new(cause) }),
         None => Ok(board),
     }
 }
