@@ -163,6 +163,11 @@ impl Judging<'_> {
                 cross_validate_thinned(fit, self.options.folds, Parts::Interleaved, COMPARED_PIXELS, &options)
                     .map_err(|e| e.to_string())?
             };
+            // Only frames that are judged under all models are compared: one that lacks most would take them from the others.
+            if 2 * held_out.frames.len() < fit.capture.frames.len() {
+                let reason = held_out.dropped.last().map_or("", |frame| &frame.reason);
+                return Err(format!("most frames could not be judged: {reason}"));
+            }
             evaluations.push(EvaluatedCamera { name, ..held_out });
         } else {
             evaluations.extend(self.verify.par_iter().map(|c| evaluate(fit, c)).collect::<Vec<_>>());
