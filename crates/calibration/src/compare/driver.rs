@@ -14,8 +14,7 @@ use super::variants::{Variant, thesis_variants};
 use super::verdict::verdict;
 use crate::calibrate::{CalibrateError, CalibratedCamera, Estimator, check_declared_depth};
 use crate::judge::camera::{EvaluatedCamera, evaluate_part};
-use crate::judge::cross_validation::{cross_validate_thinned, thinning};
-use crate::judge::parts::Parts;
+use crate::judge::cross_validation::thinning;
 use crate::observe::CameraFrames;
 
 /// Board pixels of a frame on which models are compared, about: a board that fills the image has ten times as many, which would
@@ -46,14 +45,15 @@ pub fn compare(
         variants.extend(thesis_variants().into_iter().filter(|v| !listed.contains(v)));
     }
     let from_images = base.progress.stage("image calibration");
-    let whole = ImageCalibrations::new(train.clone(), &lenses(&variants), base);
+    let lenses = lenses(&variants);
+    let whole = ImageCalibrations::new(train.clone(), &lenses, base);
     // Every model would fail for the same reason, or, which is worse, not fail.
     if let Some(Ok(from_images)) = whole.by_lens.values().find(|calibrated| calibrated.is_ok()) {
         for capture in std::iter::once(train).chain(verify) {
             check_declared_depth(&from_images.camera, capture, base)?;
         }
     }
-    let folds = if verify.is_empty() { folds(train, &variants, options) } else { Vec::new() };
+    let folds = if verify.is_empty() { folds(train, &lenses, options) } else { Vec::new() };
     drop(from_images);
     let judging = Judging { whole: &whole, folds, verify, options };
     let job = base.progress.steps("fitting models", variants.len());
@@ -94,19 +94,12 @@ fn lenses(variants: &[Variant]) -> Vec<&str> {
     lenses
 }
 
-/// Of a cross-validation, the other frames' calibrations from the images and the held-out frames of every fold, for the variants
-/// whose depth model is fitted on top of these.
-fn folds(
-    train: &CameraFrames,
-    variants: &[Variant],
-    options: &CompareOptions,
-) -> Vec<(ImageCalibrations, CameraFrames)> {
-    let of_markers: Vec<Variant> = variants.iter().filter(|variant| variant.is_of_markers()).cloned().collect();
-    let lenses = lenses(&of_markers);
+/// Of a cross-validation, the other frames' calibrations from the images and the held-out frames of every fold.
+fn folds(train: &CameraFrames, lenses: &[&str], options: &CompareOptions) -> Vec<(ImageCalibrations, CameraFrames)> {
     let part = |fold: usize| {
         let training = train.subset(|i, _| i % options.folds != fold);
         let held_out = train.subset(|i, _| i % options.folds == fold);
-        (ImageCalibrations::new(training, &lenses, &options.calibrate), held_out)
+        (ImageCalibrations::new(training, lenses, &options.calibrate), held_out)
     };
     (0..options.folds).into_par_iter().map(part).collect()
 }
@@ -153,21 +146,10 @@ impl Judging<'_> {
         let mut evaluations = vec![on_train];
         if self.verify.is_empty() {
             let name = format!("{} (frames left out)", self.whole.capture.name);
-            let held_out = if variant.is_of_markers() {
-                let judged = |(others, held): &(ImageCalibrations, CameraFrames)| {
-                    Ok(evaluate(&others.fit(variant, &self.options.calibrate)?, held))
-                };
-                joined(self.folds.par_iter().map(judged).collect::<Result<_, String>>()?)
-            } else {
-                let options = variant.options(&self.options.calibrate);
-                cross_validate_thinned(fit, self.options.folds, Parts::Interleaved, COMPARED_PIXELS, &options)
-                    .map_err(|e| e.to_string())?
+            let judged = |(others, held): &(ImageCalibrations, CameraFrames)| {
+                Ok(evaluate(&others.fit_part(fit, variant, &self.options.calibrate)?, held))
             };
-            // Only frames that are judged under all models are compared: one that lacks most would take them from the others.
-            if 2 * held_out.frames.len() < fit.capture.frames.len() {
-                let reason = held_out.dropped.last().map_or("", |frame| &frame.reason);
-                return Err(format!("most frames could not be judged: {reason}"));
-            }
+            let held_out = joined(self.folds.par_iter().map(judged).collect::<Result<_, String>>()?);
             evaluations.push(EvaluatedCamera { name, ..held_out });
         } else {
             evaluations.extend(self.verify.par_iter().map(|c| evaluate(fit, c)).collect::<Vec<_>>());
