@@ -42,7 +42,8 @@ pub fn readjust(
 }
 
 /// Adjusts the model of a fit jointly to the part of its frames that was calibrated from the images as `image`, with the samples
-/// of the fit and from its depth model: what a calibration of these frames alone gives, without sampling them again.
+/// of the fit and from its depth model, without sampling them again. Outlying samples, wrong markers and the range of fields are
+/// those of the fit of all frames: a calibration of these frames alone may decide them otherwise.
 ///
 /// # Errors
 ///
