@@ -22,8 +22,6 @@ const MOST: f64 = 0.04;
 const ALIKE: f64 = 1.5;
 /// Least share of the points with a measurement.
 const LEAST_COVERAGE: f64 = 0.15;
-/// Relative deviation from which on depth may lie on another pixel grid.
-const OTHER_GRID: f64 = 0.02;
 /// Relative deviation from which on depth contradicts the boards, whatever its scale.
 const CONTRADICTS: f64 = 0.08;
 
@@ -65,9 +63,7 @@ pub fn examine_depth(capture: &CameraFrames<PosedFrame>, camera: &Camera) -> Res
     if let Some((alternative, deviation)) = best(&frames, unit_mm, limit) {
         return Ok(DepthFinding::Cause(DepthCause::Other { alternative, declared, deviation, unit_mm, spacing_mm }));
     }
-    // A grid that is off by a few pixels is an error of the camera.
-    let registration = if limit > OTHER_GRID { registration(capture, camera, &chosen, unit_mm, limit)? } else { None };
-    if let Some(registration) = registration {
+    if let Some(registration) = registration(capture, camera, &chosen, unit_mm, limit)? {
         return Ok(DepthFinding::Cause(DepthCause::OtherGrid { registration, declared }));
     }
     let in_scale = declared.map_or(f64::INFINITY, |declared| declared.relative_in_scale);
@@ -252,6 +248,27 @@ mod tests {
         });
         let DepthFinding::Cause(DepthCause::OtherGrid { registration, .. }) = spoiled else { panic!("{spoiled:?}") };
         assert!((registration.ratio - 0.55).abs() < 0.03, "{registration:?}");
+    }
+
+    /// Grids that differ little, of which boards show less than other causes are doubted at; of one that is off by some pixels
+    /// only, the camera has an error.
+    #[test]
+    fn a_grid_of_nearly_the_same_size_is_named() {
+        let centre = (SIDE as f64 - 1.0) / 2.0;
+        let with = |ratio: f64, shift: f64| {
+            finding(|depth, i, u, v| {
+                let [x, y] = [(u, shift), (v, 0.0)].map(|(c, shift)| centre + (c as f64 - shift - centre) / ratio);
+                let is_inside = [x, y].iter().all(|c| (0.0..SIDE as f64 - 1.0).contains(c));
+                if is_inside { depth(i, x.round() as usize, y.round() as usize) } else { 0.0 }
+            })
+        };
+        for ratio in [0.8, 0.85, 1.15, 1.25] {
+            let DepthFinding::Cause(DepthCause::OtherGrid { registration, .. }) = with(ratio, 0.0) else {
+                panic!("{ratio}: {:?}", with(ratio, 0.0))
+            };
+            assert!((registration.ratio / ratio - 1.0).abs() < 0.04, "{ratio}: {registration:?}");
+        }
+        assert_eq!(with(1.0, 4.0), DepthFinding::Fits);
     }
 
     /// Right depth, errors of a camera, units, and depth of nothing: none of them has another cause.

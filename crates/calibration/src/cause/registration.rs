@@ -18,9 +18,11 @@ const SHIFTS: (i32, f64) = (4, 0.025);
 const REFINED: usize = 8;
 const LEAST_STEP: f64 = 0.05;
 /// Clearly better than the declaration is this share of its deviation …
-const CLEARLY: f64 = 0.2;
+const CLEARLY: f64 = 0.25;
 /// … and at most this one.
 const MOST: f64 = 0.015;
+/// Least displacement at the border of the image, as a share of its width: less is an error of the camera.
+const LEAST_DISPLACED: f64 = 0.04;
 /// Scales of depth that a depth camera may have.
 const PLAUSIBLE: [f64; 2] = [0.9, 1.1];
 /// Least share of the points that have depth.
@@ -35,6 +37,14 @@ pub struct Registration {
     pub shift_px: [f64; 2],
     /// Relative deviation of depth from the boards on this grid.
     pub relative: f64,
+}
+
+impl Registration {
+    /// Largest displacement along the rows or columns, at the border of an image with this centre, px.
+    fn displacement_px(&self, centre: [f64; 2]) -> f64 {
+        let along = |axis: usize| (self.ratio - 1.0).abs() * centre[axis] + self.shift_px[axis].abs();
+        along(0).max(along(1))
+    }
 }
 
 impl fmt::Display for Registration {
@@ -91,7 +101,8 @@ pub(super) fn registration(
     tried.truncate(REFINED);
     let refined = tried.into_par_iter().map(|start| refine(start, (factor, step), &fit)).collect::<Vec<_>>();
     let best = refined.into_iter().min_by(|a, b| a.relative.total_cmp(&b.relative));
-    Ok(best.filter(|best| best.relative <= MOST.min(CLEARLY * declared)))
+    let is_displaced = |grid: &Registration| grid.displacement_px(centre) >= LEAST_DISPLACED * capture.width as f64;
+    Ok(best.filter(|best| best.relative <= MOST.min(CLEARLY * declared) && is_displaced(best)))
 }
 
 /// The logarithms of measured over expected depth at the places of the depth images that `place` gives for pixels of the image.

@@ -448,18 +448,24 @@ fn read_frames(
             Ok((frame, path, size))
         })
         .collect();
+    let usual = usual_size(read.iter().flatten().map(|(.., size)| *size));
     let mut frames = Vec::with_capacity(read.len());
-    let mut expected = None;
     for item in read {
-        let (frame, path, size) = item?;
-        let expected = *expected.get_or_insert(size);
-        if size != expected {
-            return Err(LoadError::Size { path, found: size, expected });
+        let (frame, path, size) = item.map_err(|error| error.of_usual_size(usual))?;
+        if size != usual {
+            return Err(LoadError::Size { path, found: size, expected: usual });
         }
         frames.push(frame);
     }
     since_first(&mut frames);
-    Ok((frames, expected.unwrap_or_default()))
+    Ok((frames, usual))
+}
+
+/// The size that most frames have, of equally many the first one's.
+fn usual_size(sizes: impl Iterator<Item = (usize, usize)> + Clone) -> (usize, usize) {
+    let count = |size: &(usize, usize)| sizes.clone().filter(|other| other == size).count();
+    // Of several largest the last one is taken.
+    sizes.clone().collect::<Vec<_>>().into_iter().rev().max_by_key(count).unwrap_or_default()
 }
 
 /// Times since the first frame, so that a drift's start does not depend on the clock.

@@ -40,13 +40,17 @@ pub enum LoadError {
         root: PathBuf,
     },
     /// Images of a dataset differ in size.
-    #[error("{}: the image is {found:?} px, but the first of the dataset is {expected:?} px: one camera has one size", path.display())]
+    #[error(
+        "{}: the image has {}×{} pixels, but others of the dataset have {}×{}: one camera has one size; leave this frame out, or record it like \
+         the others",
+        path.display(), .found.0, .found.1, .expected.0, .expected.1
+    )]
     Size {
         /// The image.
         path: PathBuf,
         /// Its width and height.
         found: (usize, usize),
-        /// Those of the first.
+        /// Those of most images.
         expected: (usize, usize),
     },
     /// No frame shows the board.
@@ -97,4 +101,18 @@ pub enum LoadError {
     #[cfg(feature = "detect")]
     #[error(transparent)]
     Detect(#[from] depthcal_detect::DetectError),
+}
+
+impl LoadError {
+    /// The error of a frame of a dataset whose others have this size: where its depth image has it too, the image is at fault.
+    pub(super) fn of_usual_size(self, usual: (usize, usize)) -> Self {
+        match self {
+            Self::Image(ImageError::SizesDiffer { image, image_size: [width, height], depth_size, .. })
+                if <(usize, usize)>::from(depth_size) == usual =>
+            {
+                Self::Size { path: image, found: (width, height), expected: usual }
+            }
+            other => other,
+        }
+    }
 }

@@ -1,5 +1,8 @@
 //! Cameras that expose at other moments than their times say, before a board that moves.
 
+use std::fmt::Debug;
+use std::sync::{Arc, Mutex};
+
 use crate::support;
 use depthcal_calibration::calibrate::CalibrateError;
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
@@ -7,6 +10,10 @@ use depthcal_calibration::observe::Capture;
 use depthcal_calibration::rig_simulated::{errors, rig_capture, squared_error};
 use depthcal_simulate::{Kind, PointOptions, RigCamera, RigPoints, RigSimulation, Waved};
 use depthcal_statistics::chi_squared_tail;
+use tracing::field::Field;
+use tracing::span::{Attributes, Id, Record};
+use tracing::subscriber::with_default;
+use tracing::{Event, Level, Metadata, Subscriber};
 
 /// Frames of the videos, a twenty-fifth of a second apart.
 const FRAMES: usize = 60;
@@ -56,6 +63,53 @@ fn what_the_offset_is_for() {
     let errors = errors(&fit, &points.truth);
     let (squared, freedom) = squared_error(&fit, &errors).expect("a covariance");
     assert!(squared > 10.0 * freedom as f64, "{squared} of {freedom}");
+}
+
+/// A camera that is out of step is named with its offset, and one in step is not.
+#[test]
+fn an_offset_that_was_not_asked_for_is_proposed() {
+    for (offset_s, words) in [(0.012, Some("colour exposes 12")), (0.0, None)] {
+        let points = video(support::colour().time_offset(offset_s), 5);
+        let log = Warnings::default();
+        // Whether the cameras contradict each other is another question.
+        let _ = with_default(log.clone(), || calibrate(&rig_capture(&points), &options(&[])));
+        let warnings = log.0.lock().expect("no other thread").clone();
+        let proposed = warnings.iter().find(|warning| warning.contains("--with colour:time_offset"));
+        assert_eq!(proposed.is_some(), words.is_some(), "{warnings:?}");
+        assert!(words.is_none_or(|words| proposed.is_some_and(|warning| warning.contains(words))), "{warnings:?}");
+    }
+}
+
+/// The messages of all warnings.
+#[derive(Clone, Default)]
+struct Warnings(Arc<Mutex<Vec<String>>>);
+
+impl Subscriber for Warnings {
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        *metadata.level() == Level::WARN
+    }
+
+    fn event(&self, event: &Event<'_>) {
+        let mut message = String::new();
+        event.record(&mut |field: &Field, value: &dyn Debug| {
+            if field.name() == "message" {
+                message = format!("{value:?}");
+            }
+        });
+        self.0.lock().expect("no other thread").push(message);
+    }
+
+    fn new_span(&self, _: &Attributes<'_>) -> Id {
+        Id::from_u64(1)
+    }
+
+    fn record(&self, _: &Id, _: &Record<'_>) {}
+
+    fn record_follows_from(&self, _: &Id, _: &Id) {}
+
+    fn enter(&self, _: &Id) {}
+
+    fn exit(&self, _: &Id) {}
 }
 
 /// Times that differ by a known amount are part of the model: what is left to find is the rest.

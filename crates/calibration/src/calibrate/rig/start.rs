@@ -6,6 +6,7 @@ use crate::calibrate::{CalibrateOptions, CalibratedCamera, calibrate_image_or_ca
 use crate::observe::{CameraFrames, DroppedFrame, PosedFrame, SampledFrame};
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
+use tracing::warn;
 
 use super::depth_camera_prior::priors_of;
 use super::depth_camera_start::{DepthStart, start_depth_camera};
@@ -15,7 +16,7 @@ use crate::adjust::state::{CameraState, ParameterPrior, RigFrame, State};
 use crate::calibrate::CalibrateError;
 use crate::observe::Taken;
 use crate::observe::{CameraCapture, Capture};
-use crate::start::views::{Node, PairSummary, connect, offset_between};
+use crate::start::views::{Node, PairSummary, TimeOffset, connect, offset_between};
 
 /// Fewest frames of a camera with a time offset.
 const FEWEST_MOVING: usize = 6;
@@ -145,7 +146,8 @@ fn is_asked(camera: &CameraCapture, options: &CalibrateOptions) -> bool {
     options.time_offsets.contains(&camera.name)
 }
 
-/// Start values of the time offsets that are asked for, s, of the cameras with images; `None` for the others.
+/// Start values of the time offsets that are asked for, s, of the cameras with images; `None` for the others, of which a plain
+/// one is proposed: without it their views of a moving board seem to contradict each other.
 fn time_offsets(
     cameras: &[&CameraCapture],
     alone: &[CalibratedCamera<PosedFrame>],
@@ -153,6 +155,17 @@ fn time_offsets(
 ) -> Result<Vec<Option<f64>>, CalibrateError> {
     let offset = |(number, camera): (usize, &&CameraCapture)| {
         if !is_asked(camera, options) {
+            let found = (number > 0).then(|| offset_between(&alone[0].capture, &alone[number].capture)).flatten();
+            if let Some(TimeOffset { later_s, apart_mm, apart_as_timed_mm }) = found.filter(TimeOffset::is_plain) {
+                warn!(
+                    "{0} exposes {1:.1} ms {2} than its times say: with that its views of the moving board and those of {3} are \
+                     {apart_mm:.2} mm apart, without {apart_as_timed_mm:.2} mm: --with {0}:time_offset estimates it",
+                    camera.name,
+                    1e3 * later_s.abs(),
+                    if later_s > 0.0 { "later" } else { "earlier" },
+                    cameras[0].name,
+                );
+            }
             return Ok(None);
         }
         let lacking =
@@ -162,8 +175,8 @@ fn time_offsets(
                 "it is the reference, against whose times those of the other cameras are held: ask for theirs",
             ));
         }
-        let offset_s = offset_between(&alone[0].capture, &alone[number].capture);
-        offset_s.map(Some).ok_or_else(|| lacking(NO_MOTION))
+        let offset = offset_between(&alone[0].capture, &alone[number].capture);
+        offset.map(|offset| Some(offset.later_s)).ok_or_else(|| lacking(NO_MOTION))
     };
     cameras.iter().enumerate().map(offset).collect()
 }

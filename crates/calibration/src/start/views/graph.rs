@@ -9,7 +9,7 @@ use tracing::{info, warn};
 
 use super::error::ExtrinsicsError;
 use super::labels::agree_on_labels;
-use super::offset::{MovingView, time_offset};
+use super::offset::{MovingView, TimeOffset, time_offset};
 use super::pair::{Contradiction, PairView, RelativePose, relative_pose};
 use crate::observe::board_motion::{BoardMotion, motions};
 
@@ -159,9 +159,9 @@ fn moving_views(
     shared.iter().filter_map(view).collect()
 }
 
-/// By how much the second camera exposes later than its times say against the first, s, by the poses of single images; `None`
-/// where the two share too few frames about which the board's motion is known.
-pub fn offset_between(first: &CameraFrames<PosedFrame>, second: &CameraFrames<PosedFrame>) -> Option<f64> {
+/// By how much the second camera exposes later than its times say against the first, by the poses of single images; `None` where
+/// the two share too few frames about which the board's motion is known.
+pub fn offset_between(first: &CameraFrames<PosedFrame>, second: &CameraFrames<PosedFrame>) -> Option<TimeOffset> {
     let views = moving_views(first, second, &shared_frames(first, second));
     time_offset(&first.target, &views.into_iter().map(|(_, view)| view).collect::<Vec<_>>())
 }
