@@ -62,7 +62,11 @@ fn images() {
     let half = || GrayImage { width: WIDTH / 2, height: HEIGHT, data: vec![9; WIDTH / 2 * HEIGHT], bits: 16 };
     let folder = dataset();
     write_gray(folder.path("data/image/2.png"), &half()).unwrap();
-    calibrate_fails(&folder, &["image/2.png has 32×48", "depth/2.png has 64×48", "register"]);
+    calibrate_fails(&folder, &["image/2.png: the image has 32×48", "64×48", "leave this frame out"]);
+    for name in folder.names("data/image") {
+        write_gray(folder.path("data/image").join(name), &half()).unwrap();
+    }
+    calibrate_fails(&folder, &["image/0.png has 32×48", "depth/0.png has 64×48", "register"]);
 
     let folder = Folder::dataset(&[BOARD, "[frames]\nimage = \"image/*.png\"\n"]);
     write_gray(folder.path("data/image/2.png"), &half()).unwrap();
@@ -315,4 +319,20 @@ fn depth_that_contradicts_its_images_is_refused_by_every_command() {
     fails(["evaluate", &out, &spoiled], &parts);
     fails(["compare", &spoiled, "--models", "none,projective", "--learning", "0"], &parts);
     fails(["diagnose", &good, "--verify", &spoiled], &parts);
+}
+
+/// Depth images without any measurement, and a cross-validation in more parts than there are frames.
+#[test]
+fn empty_depth_and_too_many_parts_are_refused() {
+    let folder = Folder::new();
+    let data = folder.arg("data");
+    succeeds(["simulate", "--camera", "1", "--kind", "general1", "--frames", "10", "--seed", "3", "--out", &data]);
+    fails(["calibrate", &data, "--cross-validate", "11"], &["--cross-validate", "11", "10"]);
+    for name in folder.names("data/depth") {
+        let path = folder.path("data/depth").join(&name);
+        let mut depth = read_depth(&path).unwrap();
+        depth.data.fill(0);
+        write_depth(&path, &depth).unwrap();
+    }
+    fails(["calibrate", &data], &["none of the 10 depth images", "any measurement"]);
 }

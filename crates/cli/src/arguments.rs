@@ -93,8 +93,8 @@ From captures to corrected depth:
   depthcal live frames/ --board board.toml         … while the board is in your hands, on a page in the browser
   depthcal evaluate result/calibration.json other-captures/ --out check/
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud
-Every command writes its JSON file and, where it measures errors, report.html into --out (default: depthcal-out/COMMAND); open the
-latter first.
+Commands with --out (default: depthcal-out/COMMAND) write their results there as JSON and, where they measure errors, report.html,
+which is to be opened first.
 
 Exit codes:
   0  done

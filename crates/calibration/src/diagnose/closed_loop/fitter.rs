@@ -9,6 +9,7 @@ use tracing::{debug, info};
 
 use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
+use super::known_searches::KnownSearches;
 use super::refinement::refined;
 use crate::calibrate::{
     CalibrateError, CalibratedCamera, CameraOptions, calibrate_keeping_samples, has_fields, image_blocks,
@@ -43,13 +44,14 @@ pub(super) struct Fitter<'a> {
     job: Box<dyn Job>,
     /// One for every set of effects in the images, and of frequencies of the light.
     bases: RefCell<Vec<Basis>>,
+    searches: KnownSearches,
 }
 
 impl<'a> Fitter<'a> {
     /// A fitter that has fitted nothing yet.
     pub fn new(whole: CameraFrames, verify: Option<&'a CameraFrames>, options: &'a CameraDiagnoseOptions) -> Self {
         let job = options.calibrate.progress.open_ended("diagnosing");
-        Self { whole, verify, options, job, bases: RefCell::default() }
+        Self { whole, verify, options, job, bases: RefCell::default(), searches: KnownSearches::default() }
     }
 
     /// Fits to some of the frames, in a round of the loop; 0 is before the first.
@@ -190,7 +192,8 @@ impl Bench for OnFrames<'_> {
 
     fn components(&self, fit: &CalibratedCamera, taken: &[String]) -> Vec<Component> {
         let register = &self.declared().register;
-        additive_components(fit, register, &self.displacements(fit), taken)
+        let search = || additive_components(fit, register, &self.displacements(fit), taken);
+        self.fitter.searches.found(fit, taken, search)
     }
 
     fn discover(

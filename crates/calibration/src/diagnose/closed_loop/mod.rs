@@ -25,6 +25,7 @@ mod fitter;
 mod formula;
 mod frames;
 mod functions;
+mod known_searches;
 mod last_model;
 #[cfg(test)]
 mod linear_bench;
