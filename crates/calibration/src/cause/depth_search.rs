@@ -250,8 +250,7 @@ mod tests {
         assert!((registration.ratio - 0.55).abs() < 0.03, "{registration:?}");
     }
 
-    /// Grids that differ little, of which boards show less than other causes are doubted at; of one that is off by some pixels
-    /// only, the camera has an error.
+    /// Tilted boards show 0.5 to 1 % of such grids. A grid that is off by some pixels only is an error of the camera.
     #[test]
     fn a_grid_of_nearly_the_same_size_is_named() {
         let centre = (SIDE as f64 - 1.0) / 2.0;

@@ -461,11 +461,11 @@ fn read_frames(
     Ok((frames, usual))
 }
 
-/// The size that most frames have, of equally many the first one's.
-fn usual_size(sizes: impl Iterator<Item = (usize, usize)> + Clone) -> (usize, usize) {
-    let count = |size: &(usize, usize)| sizes.clone().filter(|other| other == size).count();
-    // Of several largest the last one is taken.
-    sizes.clone().collect::<Vec<_>>().into_iter().rev().max_by_key(count).unwrap_or_default()
+/// The size that most frames have, of several the largest.
+fn usual_size(sizes: impl Iterator<Item = (usize, usize)>) -> (usize, usize) {
+    let mut counts: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+    sizes.for_each(|size| *counts.entry(size).or_default() += 1);
+    counts.into_iter().max_by_key(|(_, count)| *count).map_or((0, 0), |(size, _)| size)
 }
 
 /// Times since the first frame, so that a drift's start does not depend on the clock.

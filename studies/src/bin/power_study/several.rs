@@ -60,6 +60,7 @@ impl Causes {
         for number in 0..rng.random_range(1..=3) {
             let size = log_uniform(&mut rng, SIZES_MM);
             let (mut effect, covariates, words) = random_function(&mut rng, size);
+            let words = format!("{words} of {:?} as {:?}", effect.place, effect.form);
             effect.name = format!("function {number}");
             drawn.given.push(effect);
             let covariates = covariates.into_iter().map(family).collect();

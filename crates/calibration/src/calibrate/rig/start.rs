@@ -155,8 +155,8 @@ fn time_offsets(
 ) -> Result<Vec<Option<f64>>, CalibrateError> {
     let offset = |(number, camera): (usize, &&CameraCapture)| {
         if !is_asked(camera, options) {
-            let found = (number > 0).then(|| offset_between(&alone[0].capture, &alone[number].capture)).flatten();
-            if let Some(TimeOffset { later_s, apart_mm, apart_as_timed_mm }) = found.filter(TimeOffset::is_plain) {
+            let offset = (number > 0).then(|| offset_between(&alone[0].capture, &alone[number].capture)).flatten();
+            if let Some(TimeOffset { later_s, apart_mm, apart_as_timed_mm }) = offset.filter(TimeOffset::is_plain) {
                 warn!(
                     "{0} exposes {1:.1} ms {2} than its times say: with that its views of the moving board and those of {3} are \
                      {apart_mm:.2} mm apart, without {apart_as_timed_mm:.2} mm: --with {0}:time_offset estimates it",

@@ -193,7 +193,7 @@ impl Bench for OnFrames<'_> {
     fn components(&self, fit: &CalibratedCamera, taken: &[String]) -> Vec<Component> {
         let register = &self.declared().register;
         let search = || additive_components(fit, register, &self.displacements(fit), taken);
-        self.fitter.searches.found(fit, taken, search)
+        self.fitter.searches.components(fit, taken, search)
     }
 
     fn discover(

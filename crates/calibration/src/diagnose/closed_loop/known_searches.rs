@@ -20,35 +20,35 @@ const INVERSE_DEPTHS: [f64; 2] = [5e-4, 2e-3];
 #[derive(Default)]
 pub(super) struct KnownSearches(RefCell<Vec<Known>>);
 
-/// What a search depends on, and what it found.
+/// A search: all that it depends on, and its components.
 struct Known {
     frames: Vec<String>,
     blocks: Vec<Block>,
     noise: NoiseModel,
     taken: Vec<String>,
-    found: Vec<Component>,
+    components: Vec<Component>,
 }
 
 impl KnownSearches {
-    /// What `search` finds in what a fit leaves, or what was found in the same before.
-    pub fn found(
+    /// The components that `search` finds in the residuals of a fit, or those that it found in the same ones before.
+    pub fn components(
         &self,
         fit: &CalibratedCamera,
         taken: &[String],
         search: impl FnOnce() -> Vec<Component>,
     ) -> Vec<Component> {
         if let Some(known) = self.0.borrow().iter().find(|known| known.is_of(fit, taken)) {
-            return known.found.clone();
+            return known.components.clone();
         }
-        let found = search();
+        let components = search();
         self.0.borrow_mut().push(Known {
             frames: fit.capture.frames.iter().map(|frame| frame.name.clone()).collect(),
             blocks: fit.camera.blocks().to_vec(),
             noise: fit.noise,
             taken: taken.to_vec(),
-            found: found.clone(),
+            components: components.clone(),
         });
-        found
+        components
     }
 }
 
@@ -99,7 +99,7 @@ mod tests {
         let known = KnownSearches::default();
         let is_searched = |fit: &CalibratedCamera, taken: &[String]| {
             let mut searched = false;
-            known.found(fit, taken, || {
+            known.components(fit, taken, || {
                 searched = true;
                 Vec::new()
             });

@@ -111,8 +111,8 @@ mod tests {
         Translation3::from(shift + Vector3::z() * 800.0) * UnitQuaternion::from_scaled_axis(turn)
     }
 
-    /// What is found of a second camera that exposes later by `later_s`, with poses that are off by a little.
-    fn found(later_s: f64, moves: f64) -> TimeOffset {
+    /// The estimate for a second camera that exposes later by `later_s`, with poses that are off by a little.
+    fn estimated(later_s: f64, moves: f64) -> TimeOffset {
         let second_from_first = Isometry3::translation(-50.0, 2.0, 1.0);
         let times = (0..FRAMES).map(|i| 0.04 * i as f64);
         let firsts: Vec<_> = times.clone().map(|t| (Some(t), pose(t, moves))).collect();
@@ -133,14 +133,14 @@ mod tests {
 
     #[test]
     fn a_camera_that_exposes_later_is_found_where_the_board_moves() {
-        let offset = found(0.012, 1.0);
+        let offset = estimated(0.012, 1.0);
         assert!((offset.later_s - 0.012).abs() < 0.001, "{offset:?}");
         assert!(offset.is_plain(), "{offset:?}");
     }
 
     #[test]
     fn cameras_in_step_and_boards_that_stand_still_show_no_offset() {
-        assert!(!found(0.0, 1.0).is_plain());
-        assert!(!found(0.012, 0.0).is_plain());
+        assert!(!estimated(0.0, 1.0).is_plain());
+        assert!(!estimated(0.012, 0.0).is_plain());
     }
 }
