@@ -16,7 +16,7 @@ use crate::adjust::state::{CameraState, ParameterPrior, RigFrame, State};
 use crate::calibrate::CalibrateError;
 use crate::observe::Taken;
 use crate::observe::{CameraCapture, Capture};
-use crate::start::views::{Node, PairSummary, TimeOffset, connect, offset_between};
+use crate::start::views::{Node, OffsetEstimate, PairSummary, connect, offset_between};
 
 /// Fewest frames of a camera with a time offset.
 const FEWEST_MOVING: usize = 6;
@@ -154,18 +154,9 @@ fn time_offsets(
     options: &CalibrateOptions,
 ) -> Result<Vec<Option<f64>>, CalibrateError> {
     let offset = |(number, camera): (usize, &&CameraCapture)| {
+        let estimate = (number > 0).then(|| offset_between(&alone[0].capture, &alone[number].capture)).flatten();
         if !is_asked(camera, options) {
-            let offset = (number > 0).then(|| offset_between(&alone[0].capture, &alone[number].capture)).flatten();
-            if let Some(TimeOffset { later_s, apart_mm, apart_as_timed_mm }) = offset.filter(TimeOffset::is_plain) {
-                warn!(
-                    "{0} exposes {1:.1} ms {2} than its times say: with that its views of the moving board and those of {3} are \
-                     {apart_mm:.2} mm apart, without {apart_as_timed_mm:.2} mm: --with {0}:time_offset estimates it",
-                    camera.name,
-                    1e3 * later_s.abs(),
-                    if later_s > 0.0 { "later" } else { "earlier" },
-                    cameras[0].name,
-                );
-            }
+            estimate.filter(OffsetEstimate::is_plain).iter().for_each(|e| propose([&camera.name, &cameras[0].name], e));
             return Ok(None);
         }
         let lacking =
@@ -175,10 +166,20 @@ fn time_offsets(
                 "it is the reference, against whose times those of the other cameras are held: ask for theirs",
             ));
         }
-        let offset = offset_between(&alone[0].capture, &alone[number].capture);
-        offset.map(|offset| Some(offset.later_s)).ok_or_else(|| lacking(NO_MOTION))
+        estimate.map(|estimate| Some(estimate.later_s)).ok_or_else(|| lacking(NO_MOTION))
     };
     cameras.iter().enumerate().map(offset).collect()
+}
+
+/// Proposes to estimate the time offset of a camera against the reference.
+fn propose([camera, reference]: [&str; 2], estimate: &OffsetEstimate) {
+    let OffsetEstimate { later_s, apart_mm, apart_as_timed_mm } = estimate;
+    warn!(
+        "{camera} exposes {:.1} ms {} than its times say: with that its views of the moving board and those of {reference} are \
+         {apart_mm:.2} mm apart, without {apart_as_timed_mm:.2} mm: --with {camera}:time_offset estimates it",
+        1e3 * later_s.abs(),
+        if *later_s > 0.0 { "later" } else { "earlier" },
+    );
 }
 
 /// Takes the frames out of cameras with a time offset about which the board's motion is unknown.

@@ -9,7 +9,7 @@ use tracing::{info, warn};
 
 use super::error::ExtrinsicsError;
 use super::labels::agree_on_labels;
-use super::offset::{MovingView, TimeOffset, time_offset};
+use super::offset::{MovingView, OffsetEstimate, time_offset};
 use super::pair::{Contradiction, PairView, RelativePose, relative_pose};
 use crate::observe::board_motion::{BoardMotion, motions};
 
@@ -161,7 +161,7 @@ fn moving_views(
 
 /// By how much the second camera exposes later than its times say against the first, by the poses of single images; `None` where
 /// the two share too few frames about which the board's motion is known.
-pub fn offset_between(first: &CameraFrames<PosedFrame>, second: &CameraFrames<PosedFrame>) -> Option<TimeOffset> {
+pub fn offset_between(first: &CameraFrames<PosedFrame>, second: &CameraFrames<PosedFrame>) -> Option<OffsetEstimate> {
     let views = moving_views(first, second, &shared_frames(first, second));
     time_offset(&first.target, &views.into_iter().map(|(_, view)| view).collect::<Vec<_>>())
 }

@@ -11,5 +11,5 @@ pub use error::ExtrinsicsError;
 pub use graph::{Node, PairSummary, Places, connect, offset_between};
 pub(crate) use labels::numbered_for;
 pub use labels::{BoardTurn, turns};
-pub use offset::{MovingView, TimeOffset, time_offset};
+pub use offset::{MovingView, OffsetEstimate, time_offset};
 pub use pair::{Contradiction, PairView, RelativePose, relative_pose};

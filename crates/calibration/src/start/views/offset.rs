@@ -29,7 +29,7 @@ pub struct MovingView {
 
 /// By how much a camera exposes later than its times say against another, and how far apart the two see a moving board.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TimeOffset {
+pub struct OffsetEstimate {
     /// How much later, s.
     pub later_s: f64,
     /// Distance between corners of the board by the two cameras in the median view, mm.
@@ -38,7 +38,7 @@ pub struct TimeOffset {
     pub apart_as_timed_mm: f64,
 }
 
-impl TimeOffset {
+impl OffsetEstimate {
     /// Whether the camera clearly exposes at other moments than its times say: what a board that stands still never shows.
     pub fn is_plain(&self) -> bool {
         self.apart_mm < PLAIN * self.apart_as_timed_mm
@@ -47,7 +47,7 @@ impl TimeOffset {
 
 /// The time offset of the second camera: among those for which the board stays between the frames before and after, that with
 /// which the median view differs least from the mean of all relative poses. `None` with too few views.
-pub fn time_offset(target: &Target, views: &[MovingView]) -> Option<TimeOffset> {
+pub fn time_offset(target: &Target, views: &[MovingView]) -> Option<OffsetEstimate> {
     if views.len() < FEWEST_VIEWS {
         return None;
     }
@@ -68,7 +68,7 @@ pub fn time_offset(target: &Target, views: &[MovingView]) -> Option<TimeOffset> 
     };
     let (_, coarse_s) = best(low, high, STEP_S)?;
     let (apart_mm, later_s) = best(coarse_s - STEP_S, coarse_s + STEP_S, STEP_S / 10.0)?;
-    Some(TimeOffset { later_s, apart_mm, apart_as_timed_mm: disagreement_mm(views, &corners, 0.0)? })
+    Some(OffsetEstimate { later_s, apart_mm, apart_as_timed_mm: disagreement_mm(views, &corners, 0.0)? })
 }
 
 /// Median over the views of the distance between corners of the board as the second camera sees them and where the first does,
@@ -112,7 +112,7 @@ mod tests {
     }
 
     /// The estimate for a second camera that exposes later by `later_s`, with poses that are off by a little.
-    fn estimated(later_s: f64, moves: f64) -> TimeOffset {
+    fn estimated(later_s: f64, moves: f64) -> OffsetEstimate {
         let second_from_first = Isometry3::translation(-50.0, 2.0, 1.0);
         let times = (0..FRAMES).map(|i| 0.04 * i as f64);
         let firsts: Vec<_> = times.clone().map(|t| (Some(t), pose(t, moves))).collect();
