@@ -49,6 +49,9 @@ fn fitted(seed: u64, points: &RigPoints, options: &CalibrateOptions) -> Option<C
     calibrate(&rig_capture(points), options).inspect_err(|error| println!("seed {seed}: {error}")).ok()
 }
 
+/// Probability of a squared error as large, below which a seed is named: its fit has not come back to the truth.
+const LOST: f64 = 1e-6;
+
 fn coverage(names: &[String], seeds: u64, lens: Option<&str>) -> Result<(), Box<dyn Error>> {
     let register = Register::builtin();
     let options = options(lens);
@@ -75,6 +78,9 @@ fn coverage(names: &[String], seeds: u64, lens: Option<&str>) -> Result<(), Box<
         let (value, n) = squared_error(&fit, &errors).ok_or("singular covariance")?;
         let tail = chi_squared_tail(value, n);
         in_interval += usize::from((0.025..=0.975).contains(&tail));
+        if tail < LOST {
+            println!("seed {seed}: normalised squared error {:.3e} per degree of freedom", value / n as f64);
+        }
         squared += value;
         freedom += n;
         let held_out = observe(names, Kind::General(2), seed, None)?;

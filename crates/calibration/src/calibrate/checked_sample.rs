@@ -8,6 +8,7 @@ use super::camera_options::CameraOptions;
 use super::depth_scale::{check_one_unit, check_scale, scale_hint};
 use super::error::CalibrateError;
 use super::joint::sample;
+use super::range_limit::drop_clipped;
 use crate::adjust::blocks::is_depth_only;
 use crate::cause::{DepthFinding, examine_depth};
 use crate::observe::{CameraFrames, DetectedFrame, DroppedFrame, MeasuredDepth, PosedFrame, RawFrame, SampledFrame};
@@ -144,7 +145,8 @@ fn sampled_in_scale(
     light: Option<Modulation>,
     options: &CameraOptions,
 ) -> Result<(CameraFrames<SampledFrame>, Option<usize>), CalibrateError> {
-    let (sampled, correlation) = sample(capture, camera, light, options)?;
+    let (mut sampled, correlation) = sample(capture, camera, light, options)?;
+    drop_clipped(&mut sampled)?;
     check_one_unit(&sampled)?;
     check_scale(&sampled)?;
     if let Some(hint) = scale_hint(&sampled) {

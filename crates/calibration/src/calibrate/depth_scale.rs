@@ -8,6 +8,7 @@ use depthcal_statistics::upper_median;
 use nalgebra::Point3;
 use thiserror::Error;
 
+use super::error::CalibrateError;
 use crate::observe::{CameraFrames, SampledFrame};
 
 /// Deviation of the scale from one that a depth camera may have: measured ones are off by up to 2.7 %.
@@ -80,6 +81,20 @@ impl ImplausibleScale {
     }
 }
 
+/// Depth is off by one length at all distances, which no unit explains.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error(
+    "measured depth is {:.0} mm {} than the depth at which the images see the board, at near and far boards alike: it is not counted from the camera's \
+     centre, or a constant was {}; correct every value of the depth images by it (D has no such constant; diagnose describes it as a function of z)",
+    self.offset_mm.abs(),
+    if self.offset_mm < 0.0 { "less" } else { "more" },
+    if self.offset_mm < 0.0 { "subtracted" } else { "added" }
+)]
+pub struct DepthOffset {
+    /// Median of measured depth less the depth at which the image sees the board, mm.
+    pub offset_mm: f64,
+}
+
 /// Depth of some frames is many times that of the others.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error(
@@ -130,23 +145,45 @@ pub(super) fn check_one_unit(capture: &CameraFrames<SampledFrame>) -> Result<(),
     })
 }
 
-/// The scale where it deviates from one by more than `most_deviation`.
+/// The scale where it deviates from one by more than `most_deviation`, unless that is an offset.
 pub fn implausible_scale(capture: &CameraFrames<SampledFrame>, most_deviation: f64) -> Option<ImplausibleScale> {
     let scale = depth_scale(capture).filter(|scale| (scale - 1.0).abs() > most_deviation)?;
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
-    Some(ImplausibleScale { scale, spacing_mm: capture.target.spacing_mm, unit_mm })
+    let implausible = ImplausibleScale { scale, spacing_mm: capture.target.spacing_mm, unit_mm };
+    depth_offset(capture).is_none().then_some(implausible)
 }
 
-/// Refuses a scale that nothing but a wrong declaration explains.
-pub(super) fn check_scale(capture: &CameraFrames<SampledFrame>) -> Result<(), ImplausibleScale> {
-    match implausible_scale(capture, 0.0) {
-        Some(found) if found.scale.max(1.0 / found.scale) > MOST_SCALE => Err(found),
-        _ => Ok(()),
+/// The offset of depth, where the scale is implausible and depth deviates far less from the boards with an offset instead.
+fn depth_offset(capture: &CameraFrames<SampledFrame>) -> Option<DepthOffset> {
+    /// Deviation with an offset over that with a scale.
+    const FAR_LESS: f64 = 1.0 / 3.0;
+    let scale = depth_scale(capture).filter(|scale| (scale - 1.0).abs() > PLAUSIBLE_SCALE_DEVIATION)?;
+    let pairs: Vec<[f64; 2]> = capture.frames.iter().flat_map(depths).collect();
+    let offset_mm = upper_median(&mut pairs.iter().map(|[measured, board]| measured - board).collect::<Vec<_>>())?;
+    let deviation = |expected: &dyn Fn(f64) -> f64| {
+        upper_median(&mut pairs.iter().map(|[measured, board]| (measured - expected(*board)).abs()).collect::<Vec<_>>())
+    };
+    let [with_offset, with_scale] = [deviation(&|z| z + offset_mm)?, deviation(&|z| z * scale)?];
+    (with_offset < FAR_LESS * with_scale).then_some(DepthOffset { offset_mm })
+}
+
+/// Refuses a scale that nothing but a wrong declaration explains, and an offset as large.
+pub(super) fn check_scale(capture: &CameraFrames<SampledFrame>) -> Result<(), CalibrateError> {
+    let is_large = |scale: f64| scale.max(1.0 / scale) > MOST_SCALE;
+    let offset = || Some(depth_offset(capture)?.into());
+    let scale = || Some(implausible_scale(capture, 0.0)?.into());
+    match depth_scale(capture).is_some_and(is_large) {
+        true => offset().or_else(scale).map_or(Ok(()), Err),
+        false => Ok(()),
     }
 }
 
-/// The cause of an implausible scale where a ratio of the declared lengths tells it: the side of a tag declared as the pitch.
+/// The cause of an implausible scale where the boards tell it, an offset, or a ratio of the declared lengths: the side of a tag
+/// declared as the pitch.
 pub(super) fn scale_hint(capture: &CameraFrames<SampledFrame>) -> Option<String> {
+    if let Some(offset) = depth_offset(capture) {
+        return Some(offset.to_string());
+    }
     let ImplausibleScale { scale, .. } = implausible_scale(capture, PLAUSIBLE_SCALE_DEVIATION)?;
     let parts = capture.target.parts();
     let [part] = parts.as_slice() else { return None };
@@ -171,9 +208,13 @@ fn depth_scale(capture: &CameraFrames<SampledFrame>) -> Option<f64> {
 
 /// Measured depth over the depth of the board point that a sample sees, of every sample of a frame.
 fn ratios(frame: &SampledFrame) -> Vec<f64> {
+    depths(frame).map(|[measured, board]| measured / board).filter(|ratio| ratio.is_finite()).collect()
+}
+
+/// Measured depth and the depth of the board point that a sample sees, mm, of every sample of a frame.
+fn depths(frame: &SampledFrame) -> impl Iterator<Item = [f64; 2]> {
     let board_depth_mm = |[x, y]: [f64; 2]| (frame.camera_from_board * Point3::new(x, y, 0.0)).z;
-    let ratios = frame.samples.iter().map(|sample| sample.depth_mm / board_depth_mm(sample.board_seed));
-    ratios.filter(|ratio| ratio.is_finite()).collect()
+    frame.samples.iter().map(move |sample| [sample.depth_mm, board_depth_mm(sample.board_seed)])
 }
 
 #[cfg(test)]
@@ -211,5 +252,27 @@ mod tests {
         }
         // Of two frames it may be depth of other images, which are dropped.
         assert_eq!(scaled(5.0, 2).expect("a fit").foreign_depth.len(), 2);
+    }
+
+    #[cfg(feature = "simulate")]
+    #[test]
+    fn an_offset_is_told_from_a_scale() {
+        use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
+
+        use crate::calibrate::{CameraOptions, calibrate_camera};
+        let with = |change: fn(f64) -> f64| {
+            let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], 5);
+            let mut capture = crate::simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+            let pixels = capture.frames.iter_mut().flat_map(|frame| frame.raw.depth_pixels_mut());
+            pixels.for_each(|pixel| pixel.depth_mm = change(pixel.depth_mm));
+            calibrate_camera(&capture, &CameraOptions::default())
+        };
+        let nearer = with(|mm| mm - 150.0).expect("a fit").capture;
+        let offset_mm = depth_offset(&nearer).expect("an offset").offset_mm;
+        assert!((offset_mm + 150.0).abs() < 10.0, "{offset_mm}");
+        assert_eq!(implausible_scale(&nearer, PLAUSIBLE_SCALE_DEVIATION), None);
+        assert!(matches!(with(|mm| mm + 700.0), Err(CalibrateError::Offset(_))));
+        let scaled = with(|mm| 0.8 * mm).expect("a fit").capture;
+        assert!(depth_offset(&scaled).is_none() && implausible_scale(&scaled, PLAUSIBLE_SCALE_DEVIATION).is_some());
     }
 }

@@ -9,6 +9,7 @@ use super::camera_options::CameraOptions;
 use super::contradiction::check_evidence;
 use super::error::CalibrateError;
 use super::folds::check_invertible;
+use super::frame_contradiction::check_frames_agree;
 use super::options::CalibrateOptions;
 use super::rig::{Started, compare_with_expected, left_open, start};
 use super::rules::{joint_rules, rules_by_node};
@@ -18,7 +19,7 @@ use crate::observe::{Capture, SampledFrame};
 
 /// Calibrates the cameras of a capture, of which there may be one: every camera with images alone, the places of several from the
 /// views that they share, then all cameras, places and poses of the board in one adjustment, with the noise of every camera
-/// estimated on the way. A joint fit that contradicts those of its cameras alone is refused.
+/// estimated on the way. A joint fit that contradicts those of its cameras alone is refused, and one of frames of two cameras.
 ///
 /// # Errors
 ///
@@ -26,6 +27,9 @@ use crate::observe::{Capture, SampledFrame};
 pub fn calibrate(capture: &Capture, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
     let fit = fit(capture, options)?;
     check_evidence(&fit)?;
+    if let ([only], [fitted]) = (&capture.cameras[..], &fit.cameras[..]) {
+        check_frames_agree(&only.capture, &fitted.calibrated, &options.of_only(only))?;
+    }
     Ok(fit)
 }
 

@@ -6,7 +6,8 @@ use thiserror::Error;
 
 use depthcal_io::ImageError;
 
-use super::depth_scale::{ImplausibleScale, SeveralUnits};
+use super::depth_scale::{DepthOffset, ImplausibleScale, SeveralUnits};
+use super::frame_contradiction::FrameContradiction;
 use super::rig_contradiction::RigContradiction;
 use super::undetermined::UndeterminedModel;
 #[cfg(feature = "detect")]
@@ -97,6 +98,9 @@ pub enum CalibrateError {
     /// Depth and image disagree by a factor that no camera has.
     #[error(transparent)]
     Scale(#[from] ImplausibleScale),
+    /// Depth is far off by one length.
+    #[error(transparent)]
+    Offset(#[from] DepthOffset),
     /// Depth is something else than what is declared.
     #[error("{0}")]
     Depth(Box<DepthCause>),
@@ -122,6 +126,9 @@ pub enum CalibrateError {
     /// The cameras of a rig contradict each other.
     #[error("{0}")]
     RigContradiction(Box<RigContradiction>),
+    /// The frames of a camera contradict each other.
+    #[error("{0}")]
+    FrameContradiction(Box<FrameContradiction>),
     /// The fitted camera cannot be inverted where it was fitted.
     #[error("the fitted model folds: {0}")]
     Folded(#[from] CameraError),
@@ -204,6 +211,7 @@ impl CalibrateError {
             | Self::Covariance(_)
             | Self::Folded(_)
             | Self::RigContradiction(_)
+            | Self::FrameContradiction(_)
             | Self::Extrinsics(ExtrinsicsError::Moved { .. }) => true,
             _ => false,
         }

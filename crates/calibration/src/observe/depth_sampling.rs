@@ -81,18 +81,41 @@ pub fn sample_depth(
     Ok((sampled, correlation_length_px))
 }
 
-/// Pixels on a grid with the step `step`, or a larger one where these would be more than `most`.
+/// Share of the pixels that a grid should have, below which other offsets of the grid are looked at.
+const SPARSE: f64 = 0.5;
+
+/// Pixels on a grid with the step `step`, or a larger one where these would be more than `most`. Where depth images leave columns
+/// or rows out, the grid begins in those that they have.
 fn thinned(mut pixels: Vec<BoardPixel>, mut step: usize, most: usize) -> Vec<BoardPixel> {
-    let is_on_grid = |p: &BoardPixel, step: usize| p.context.pixel.iter().all(|c| (*c as usize).is_multiple_of(step));
     loop {
-        let count = pixels.iter().filter(|p| is_on_grid(p, step)).count();
+        let (offset, count) = offset_of_grid(&pixels, step);
         if count <= most || step >= COARSEST_PX {
-            pixels.retain(|p| is_on_grid(p, step));
+            pixels.retain(|p| offset_in_grid(p, step) == offset);
             return pixels;
         }
         let ratio = (count as f64 / most as f64).sqrt();
         step = (step + 1).max((step as f64 * ratio) as usize);
     }
+}
+
+/// Column and row of a pixel within its cell of a grid.
+fn offset_in_grid(pixel: &BoardPixel, step: usize) -> [usize; 2] {
+    pixel.context.pixel.map(|c| c as usize % step)
+}
+
+/// Where a grid begins, and how many pixels are on it: at zero, or where most are if zero is without its share of them.
+fn offset_of_grid(pixels: &[BoardPixel], step: usize) -> ([usize; 2], usize) {
+    let at_zero = pixels.iter().filter(|p| offset_in_grid(p, step) == [0; 2]).count();
+    if at_zero as f64 >= SPARSE * pixels.len() as f64 / (step * step) as f64 {
+        return ([0; 2], at_zero);
+    }
+    let mut counts = vec![0; step * step];
+    for pixel in pixels {
+        let [column, row] = offset_in_grid(pixel, step);
+        counts[row * step + column] += 1;
+    }
+    let most = (0..counts.len()).rev().max_by_key(|i| counts[*i]).unwrap_or(0);
+    ([most % step, most / step], counts[most])
 }
 
 /// Single pixels with the board points that their rays meet; outliers and pixels whose ray meets no board are dropped.
@@ -168,6 +191,25 @@ mod tests {
     use super::*;
     use rand::SeedableRng;
     use rand_distr::{Distribution, Normal};
+
+    /// A depth image whose even rows are empty has as many samples as one of half the height.
+    #[test]
+    fn rows_without_depth_are_no_part_of_the_grid() {
+        let pixel = |u: u32, v: u32| BoardPixel {
+            context: Context { pixel: [f64::from(u), f64::from(v)], ..Context::default() },
+            depth_mm: 1000.0,
+            board_depth_mm: 1000.0,
+            board: [0.0; 2],
+            ray: [0.0; 2],
+            cos_incidence: 1.0,
+        };
+        let rows = |is_row: fn(u32) -> bool| -> Vec<BoardPixel> {
+            (0..80).filter(|v| is_row(*v)).flat_map(|v| (0..100).map(move |u| pixel(u, v))).collect()
+        };
+        assert_eq!(thinned(rows(|_| true), 2, 10_000).len(), 50 * 40);
+        assert_eq!(thinned(rows(|v| v % 2 == 1), 2, 10_000).len(), 50 * 40);
+        assert!((400..=1000).contains(&thinned(rows(|v| v % 2 == 1), 1, 1000).len()));
+    }
 
     /// White noise is uncorrelated at one pixel; noise averaged over a 3×3 window at three.
     #[test]

@@ -43,6 +43,7 @@ impl RigCamera {
                 let truth = CameraTruth {
                     centre_px: [258.6, 208.2],
                     focal_px: [365.4, 365.9],
+                    lens: [0.09, -0.26, 0.0007, -0.0005, 0.09],
                     depth: [4.0e-6, -3.0e-6, 1.2e-5, 0.997],
                     ..CameraTruth::ideal(512, 424, 365.0)
                 };

@@ -7,17 +7,18 @@ use depthcal_model::{Block, Camera};
 
 use crate::adjust::state::ParameterPrior;
 
-/// Standard deviations of declared intrinsics: focal lengths in shares of their values, the principal point in image widths.
-const DECLARED: [f64; 2] = [0.03, 0.02];
-/// … and of assumed ones.
-const ASSUMED: [f64; 2] = [0.2, 0.06];
+/// Standard deviations of declared intrinsics: focal lengths in shares of their values, the principal point in image widths, and
+/// coefficients of the lens in those that are usual.
+const DECLARED: [f64; 3] = [0.03, 0.02, 1.0];
+/// … and of assumed ones: of a lens of which nothing is known, k2 and k3 may be as large as 0.5.
+const ASSUMED: [f64; 3] = [0.2, 0.06, 5.0];
 /// Share of the prior's standard deviation above which the boards say less than the prior.
 const LESS_THAN_PRIOR: f64 = 0.5;
 
 /// Priors of the free parameters that only images of this camera determine well: pinhole and lens, about the camera's values. The
 /// board is one for all cameras.
 pub fn priors_of(camera: &Camera, is_declared: bool) -> Vec<ParameterPrior> {
-    let [focal, centre] = if is_declared { DECLARED } else { ASSUMED };
+    let [focal, centre, lens] = if is_declared { DECLARED } else { ASSUMED };
     let mut priors = Vec::new();
     let is_of_image = |block: &Block| !is_depth_only(block) && block.hook() != HookKind::Board;
     for (number, block) in camera.blocks().iter().enumerate().filter(|(_, b)| is_of_image(b)) {
@@ -26,7 +27,7 @@ pub fn priors_of(camera: &Camera, is_declared: bool) -> Vec<ParameterPrior> {
             let sigma = match (block.piece().is_none(), &*parameter.name) {
                 (true, "fx" | "fy") => focal * mean.abs(),
                 (true, _) => centre * camera.width as f64,
-                (false, _) => parameter.scale,
+                (false, _) => lens * parameter.scale,
             };
             priors.push(ParameterPrior { block: number, component, mean, sigma });
         }

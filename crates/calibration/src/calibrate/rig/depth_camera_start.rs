@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::adjust::smoothness_prior::Smoothness;
-use crate::calibrate::{CalibratedCamera, CameraOptions, image_blocks, lens_named, prepare_depth};
+use crate::calibrate::{AUTO, CalibratedCamera, CameraOptions, image_blocks, lens_named, prepare_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
 use crate::observe::{CameraFrames, DetectedFrame, MarkerObservation, PosedFrame};
 use depthcal_model::Camera;
@@ -17,6 +17,8 @@ use crate::calibrate::CalibrateError;
 use crate::observe::CameraCapture;
 use crate::start::depth_only::{BoardPlaneSeen, place_from_planes, planes_of};
 
+/// The lens where none is asked for; `none` asks for none.
+const DEFAULT_LENS: &str = "brown_conrady";
 /// Fewest frames with a plane.
 const FEWEST_FRAMES: usize = 5;
 
@@ -83,9 +85,10 @@ pub fn start_depth_camera(
         None => {
             let f = place.focal_px;
             let middle = [(capture.width as f64 - 1.0) / 2.0, (capture.height as f64 - 1.0) / 2.0];
-            // Without images a lens is fitted only where one is asked for.
-            let lens = camera.lens.as_deref().map(|lens| lens_named(lens, &options.register)).transpose();
-            let lens = lens.map_err(|e| CalibrateError::of_camera(&camera.name)(e.into()))?.flatten();
+            // Planes alone cannot choose among lenses: their priors hold what they leave open.
+            let lens = camera.lens.as_deref().filter(|lens| *lens != AUTO).unwrap_or(DEFAULT_LENS);
+            let lens =
+                lens_named(lens, &options.register).map_err(|e| CalibrateError::of_camera(&camera.name)(e.into()))?;
             let pinhole = [f, f, middle[0], middle[1], 0.0];
             Camera::new(capture.width, capture.height, pinhole, lens.into_iter().collect())
         }

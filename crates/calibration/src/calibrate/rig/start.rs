@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use crate::calibrate::{CalibrateOptions, CalibratedCamera, calibrate_image_or_cause, prepare_depth};
 use crate::observe::{CameraFrames, DroppedFrame, PosedFrame, SampledFrame};
 use depthcal_model::Camera;
+use depthcal_model::hook::HookKind;
 use nalgebra::Isometry3;
 use tracing::warn;
 
@@ -93,6 +94,9 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
         }
         of_cameras.sort_by_key(|start| capture.cameras.iter().position(|camera| camera.name == start.camera.name));
         state = state_of(&of_cameras, state.frames, options)?;
+        if offsets_are_known {
+            adjust_lenses_in_part(&mut state, &of_cameras)?;
+        }
     }
     drop_frames_without_motion(&mut state)?;
     let is_declared = of_cameras.iter().map(|start| start.is_declared).collect();
@@ -102,6 +106,32 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
 
 /// Decrease of the cost by a step below which the adjustment ends whose poses of the board cameras without images get.
 const ROUGHLY: f64 = 1e-3;
+
+/// Coefficients of an assumed lens that are free in the first adjustments.
+const FIRST_COEFFICIENTS: [usize; 2] = [0, 1];
+
+/// Adjusts the rig with the lenses that cameras without images are assumed to have held, but for their first coefficients. Before
+/// place and focal length are right, a whole lens takes their errors up, and may fold at a pixel, from which no step leads back.
+fn adjust_lenses_in_part(state: &mut State, starts: &[Start<'_>]) -> Result<(), CalibrateError> {
+    let is_assumed = |start: &Start<'_>| !start.camera.has_markers() && !start.is_declared;
+    let cameras: Vec<Camera> = starts.iter().map(|start| start.prepared.camera.clone()).collect();
+    for count in FIRST_COEFFICIENTS.map(Some).into_iter().chain([None]) {
+        for ((camera, whole), _) in state.cameras.iter_mut().zip(&cameras).zip(starts).filter(|(_, s)| is_assumed(s)) {
+            let mut free = whole.blocks().iter().map(|block| block.free.clone());
+            camera.camera = camera.camera.map_blocks(|mut block| {
+                block.free = free.next().unwrap_or(block.free);
+                if block.hook() == HookKind::Lens {
+                    block.free.iter_mut().skip(count.unwrap_or(usize::MAX)).for_each(|free| *free = false);
+                }
+                block
+            });
+        }
+        if count.is_some() {
+            Adjustment::of_state(state, true)?.solve_within(ROUGHLY)?.give(state);
+        }
+    }
+    Ok(())
+}
 
 /// A camera before the adjustment of the rig.
 struct Start<'a> {
