@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, Isometry3};
 use super::calibrated_camera::CalibratedCamera;
 use super::parameter_names::parameter_names;
 use crate::adjust::state::{CameraState, RigFrame, State};
-use crate::observe::{CameraCapture, CameraFrames, Capture, PlaceDrift, PlacedCamera};
+use crate::observe::{CameraCapture, CameraFrames, Capture, PlaceDrift, PlacedCamera, PosedFrame};
 use crate::start::views::PairSummary;
 
 /// The calibrated cameras of a capture, of which there is at least one.
@@ -50,11 +50,26 @@ pub struct CameraFit {
     pub time_offset: Option<TimeOffset>,
     /// The camera with its own part of the fit, as if it had been calibrated alone.
     pub calibrated: CalibratedCamera,
-    /// Noise of a marker in the fit of this camera alone, px per coordinate; `None` of a camera without images, and of one that
-    /// is alone.
-    pub alone_px: Option<f64>,
+    /// What its images alone say; `None` of a camera without images, and of one that is alone.
+    pub alone: Option<ImagesAlone>,
     /// Parameters that the boards leave open.
     pub left_open: Vec<LeftOpen>,
+}
+
+/// What the images of one camera of several say without the others, against which the joint fit is held.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImagesAlone {
+    /// Noise of a marker, px per coordinate.
+    pub noise_px: f64,
+    /// The focal length fx and its standard deviation, px; `None` where it is held.
+    pub focal_px: Option<[f64; 2]>,
+}
+
+impl ImagesAlone {
+    /// Of a fit to the images of one camera.
+    pub(super) fn of(from_image: &CalibratedCamera<PosedFrame>) -> Self {
+        Self { noise_px: from_image.noise.pixel_sigma, focal_px: from_image.focal_length() }
+    }
 }
 
 /// By how much a camera exposes later than the times of its frames say, against the reference.
@@ -104,7 +119,7 @@ impl Calibrated {
                 drift: None,
                 time_offset: None,
                 calibrated,
-                alone_px: None,
+                alone: None,
                 left_open: Vec::new(),
             }],
         }

@@ -75,12 +75,16 @@ impl<F> CalibratedCamera<F> {
             .collect()
     }
 
-    /// The focal length fx and its standard deviation, px, where that is more than 3 % of it.
-    pub fn unknown_focal_length(&self) -> Option<[f64; 2]> {
+    /// The focal length fx and its standard deviation, px; `None` where it is held.
+    pub fn focal_length(&self) -> Option<[f64; 2]> {
         let (_, range) = self.camera.blocks_with_ranges().find(|(block, _)| block.piece().is_none())?;
         let std_dev = (*self.std_devs().get(range.start)?)?;
-        let [fx, ..] = self.camera.pinhole();
-        (std_dev > UNKNOWN * fx).then_some([fx, std_dev])
+        Some([self.camera.pinhole()[0], std_dev])
+    }
+
+    /// The focal length fx and its standard deviation, px, where that is more than 3 % of it.
+    pub fn unknown_focal_length(&self) -> Option<[f64; 2]> {
+        self.focal_length().filter(|[fx, std_dev]| *std_dev > UNKNOWN * fx)
     }
 }
 

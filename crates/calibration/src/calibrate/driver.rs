@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::calibrated::{Calibrated, CameraFit, TimeOffset};
+use super::calibrated::{Calibrated, CameraFit, ImagesAlone, TimeOffset};
 use super::calibrated_camera::CalibratedCamera;
 use super::camera::calibrate_camera;
 use super::camera_options::CameraOptions;
@@ -84,16 +84,14 @@ fn adjusted(name: &str, started: Started, options: &CalibrateOptions) -> Result<
     })
 }
 
-/// A camera's part of the fit; `alone` is what it gave alone.
+/// A camera's part of the fit; `alone` is what it gave alone, and its images.
 fn camera_fit(
     settled: &Settled<SampledFrame>,
     number: usize,
-    alone: CalibratedCamera,
+    (alone, images_alone): (CalibratedCamera, Option<ImagesAlone>),
     options: &CameraOptions,
 ) -> CameraFit {
     let camera = &settled.state.cameras[number];
-    let has_markers = alone.capture.frames.iter().any(|frame| !frame.markers.is_empty());
-    let alone_px = has_markers.then_some(alone.noise.pixel_sigma);
     let rows = &settled.state.parameter_rows()[number];
     let std_dev = |row: usize| settled.covariance.as_ref().map_or(f64::NAN, |c| c[(row, row)].max(0.0).sqrt());
     let of_tangent = |rows: &Range<usize>| std::array::from_fn(|i| std_dev(rows.start + i));
@@ -114,7 +112,7 @@ fn camera_fit(
         drift: camera.drift.filter(|_| !rows.drift.is_empty()).map(|drift| (drift, of_tangent(&rows.drift))),
         time_offset: value_s.map(|value_s| TimeOffset { value_s, std_dev_s: std_dev(rows.offset.start) }),
         calibrated,
-        alone_px,
+        alone: images_alone,
         left_open: Vec::new(),
     }
 }

@@ -47,7 +47,7 @@ mod undetermined;
 #[cfg(test)]
 mod wide_lens_tests;
 
-pub use calibrated::{Calibrated, CameraFit, TimeOffset};
+pub use calibrated::{Calibrated, CameraFit, ImagesAlone, TimeOffset};
 pub use calibrated_camera::CalibratedCamera;
 pub(crate) use camera::light_of_samples;
 pub use camera::{calibrate_camera, calibrate_depth, calibrate_keeping_samples, prepare_depth};
@@ -71,6 +71,6 @@ pub use model_blocks::image_blocks;
 pub use options::{CalibrateOptions, EffectOf, HeldOf};
 pub use parameter_names::parameter_names;
 pub use readjust::{has_fields, readjust, readjust_part};
-pub use rig_contradiction::RigContradiction;
+pub use rig_contradiction::{Evidence, RigContradiction};
 pub use sampled::sampled_under;
 pub use undetermined::UndeterminedModel;

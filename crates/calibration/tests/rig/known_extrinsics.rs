@@ -1,7 +1,7 @@
 //! A depth camera without images whose extrinsics are known, and whose depth has an effect that depthcal does not have.
 
 use crate::support;
-use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::calibrate::{CalibrateError, CalibrateOptions, calibrate};
 use depthcal_calibration::diagnose::{DiagnoseOptions, diagnose};
 use depthcal_calibration::rig_simulated::{pose, rig_capture};
 use depthcal_formula::FormulaFile;
@@ -38,4 +38,21 @@ fn a_third_kind_of_camera_is_calibrated_and_diagnosed() {
     assert_eq!(effects, [("infrared", vec![]), ("depth", vec!["saddle"])]);
     let rig = diagnosis.rig.expect("several cameras");
     assert_eq!(rig.last.camera("depth").expect("the camera").camera_from_rig, known);
+}
+
+/// Extrinsics that are declared as known and are 50 mm wrong along the optical axis, a sixteenth of the boards' distance, are
+/// refused, by noise or by focal length.
+#[test]
+fn wrong_known_extrinsics_are_refused() {
+    let rig = RigSimulation::new(vec![support::infrared(), support::colour()], Kind::General(1), 6);
+    let points = rig.observe_points(&PointOptions::default()).expect("a simulation");
+    let mut capture = rig_capture(&points);
+    let mut known = pose(&points.truth.cameras[1].camera_from_rig);
+    capture.cameras[1].camera_from_rig = Some(known);
+    calibrate(&capture, &CalibrateOptions::default()).expect("a calibration with the true extrinsics");
+    known.translation.vector.z += 50.0;
+    capture.cameras[1].camera_from_rig = Some(known);
+    let error = calibrate(&capture, &CalibrateOptions::default()).map(|_| ()).unwrap_err();
+    assert!(matches!(error, CalibrateError::RigContradiction(_)), "{error}");
+    assert!(error.is_untrusted_fit() && error.to_string().contains("known"), "{error}");
 }

@@ -2,7 +2,7 @@
 
 use crate::support;
 use depthcal_calibration::calibrate::CalibrateError;
-use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, Evidence, calibrate};
 use depthcal_calibration::calibration_record::calibration_record;
 use depthcal_calibration::camera_record::cameras_from_record;
 use depthcal_calibration::judge::evaluate::evaluate;
@@ -214,5 +214,6 @@ fn a_camera_that_contradicts_the_others_is_refused() {
     }
     let refused = calibrate(&capture, &options()).expect_err("a contradiction");
     let CalibrateError::RigContradiction(contradiction) = refused else { panic!("{refused}") };
-    assert!(contradiction.joint_px > 3.0 * contradiction.alone_px, "{contradiction:?}");
+    let Evidence::Noise { joint_px, alone_px, .. } = contradiction.evidence else { panic!("{contradiction:?}") };
+    assert!(joint_px > 3.0 * alone_px, "{contradiction:?}");
 }

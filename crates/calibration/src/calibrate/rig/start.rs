@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::calibrate::{CalibrateOptions, CalibratedCamera, calibrate_image_or_cause, prepare_depth};
+use crate::calibrate::{CalibrateOptions, CalibratedCamera, ImagesAlone, calibrate_image_or_cause, prepare_depth};
 use crate::observe::{CameraFrames, DroppedFrame, PosedFrame, SampledFrame};
 use depthcal_model::Camera;
 use depthcal_model::hook::HookKind;
@@ -29,8 +29,8 @@ const NO_MOTION: &str = "fewer than 6 frames that it shares have times and neigh
 pub(in crate::calibrate) struct Started {
     pub state: State,
     pub pairs: Vec<PairSummary>,
-    /// Every camera calibrated before the adjustment of the rig, for the record.
-    pub alone: Vec<CalibratedCamera>,
+    /// Every camera calibrated before the adjustment of the rig, for the record, and what its images alone say of it.
+    pub alone: Vec<(CalibratedCamera, Option<ImagesAlone>)>,
     /// Whether a camera's intrinsics are declared, for those without images.
     pub is_declared: Vec<bool>,
 }
@@ -73,10 +73,12 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
     let mut of_cameras = Vec::new();
     for (camera, ((from_image, camera_from_rig), offset_s)) in with_images.iter().zip(starts) {
         let lens = (from_image.lens_choice.clone(), from_image.lens_comparison.clone());
+        let images_alone = Some(ImagesAlone::of(&from_image));
         let prepared = prepare_depth(from_image, &options.of(camera)?);
         let mut prepared = prepared.map_err(CalibrateError::of_camera(&camera.name))?;
         (prepared.lens_choice, prepared.lens_comparison) = lens;
-        of_cameras.push(Start { camera, prepared, camera_from_rig, priors: Vec::new(), offset_s, is_declared: false });
+        let (priors, is_declared) = (Vec::new(), false);
+        of_cameras.push(Start { camera, prepared, images_alone, camera_from_rig, priors, offset_s, is_declared });
     }
     let mut state = state_of(&of_cameras, frames, options)?;
     if of_cameras.len() < capture.cameras.len() {
@@ -90,7 +92,8 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
                 start_depth_camera(camera, &poses, &options.of(camera)?)?;
             let priors = priors_of(&prepared.camera, is_declared);
             let offset_s = is_asked(camera, options).then_some(0.0);
-            of_cameras.push(Start { camera, prepared, camera_from_rig, priors, offset_s, is_declared });
+            let images_alone = None;
+            of_cameras.push(Start { camera, prepared, images_alone, camera_from_rig, priors, offset_s, is_declared });
         }
         of_cameras.sort_by_key(|start| capture.cameras.iter().position(|camera| camera.name == start.camera.name));
         state = state_of(&of_cameras, state.frames, options)?;
@@ -100,7 +103,7 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
     }
     drop_frames_without_motion(&mut state)?;
     let is_declared = of_cameras.iter().map(|start| start.is_declared).collect();
-    let alone = of_cameras.into_iter().map(|start| start.prepared).collect();
+    let alone = of_cameras.into_iter().map(|start| (start.prepared, start.images_alone)).collect();
     Ok(Started { state, pairs: places.pairs, alone, is_declared })
 }
 
@@ -138,6 +141,8 @@ struct Start<'a> {
     camera: &'a CameraCapture,
     /// With its depth sampled.
     prepared: CalibratedCamera,
+    /// What its images alone say, where it has images.
+    images_alone: Option<ImagesAlone>,
     camera_from_rig: Isometry3<f64>,
     priors: Vec<ParameterPrior>,
     offset_s: Option<f64>,
