@@ -50,13 +50,13 @@ pub struct CameraFit {
     pub time_offset: Option<TimeOffset>,
     /// The camera with its own part of the fit, as if it had been calibrated alone.
     pub calibrated: CalibratedCamera,
-    /// What its images alone say; `None` of a camera without images, and of one that is alone.
+    /// The evidence of its images alone; `None` of a camera without images, and of one that is alone.
     pub alone: Option<ImagesAlone>,
     /// Parameters that the boards leave open.
     pub left_open: Vec<LeftOpen>,
 }
 
-/// What the images of one camera of several say without the others, against which the joint fit is held.
+/// The evidence of the images of one camera of several without the others, against which the joint fit is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImagesAlone {
     /// Noise of a marker, px per coordinate.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use tracing::warn;
 
 use super::camera_options::CameraOptions;
-use super::depth_scale::{check_one_unit, check_scale, scale_hint};
+use super::depth_scale::{check_one_unit, depth_offset, implausible_scale, is_beyond_any_camera, scale_hint};
 use super::error::CalibrateError;
 use super::joint::sample;
 use super::range_limit::drop_clipped;
@@ -137,6 +137,15 @@ fn check_any_measurement(capture: &CameraFrames<PosedFrame>) -> Result<(), Calib
         true => Err(CalibrateError::NoMeasurement { dataset: capture.name.clone(), frames: with_depth.len() }),
         false => Ok(()),
     }
+}
+
+/// Refuses a scale that nothing but a wrong declaration explains, and an offset as large.
+fn check_scale(capture: &CameraFrames<SampledFrame>) -> Result<(), CalibrateError> {
+    if !is_beyond_any_camera(capture) {
+        return Ok(());
+    }
+    let scale = || implausible_scale(capture, 0.0).map(CalibrateError::from);
+    depth_offset(capture).map(CalibrateError::from).or_else(scale).map_or(Ok(()), Err)
 }
 
 fn sampled_in_scale(

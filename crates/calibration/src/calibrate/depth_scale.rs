@@ -8,7 +8,6 @@ use depthcal_statistics::upper_median;
 use nalgebra::Point3;
 use thiserror::Error;
 
-use super::error::CalibrateError;
 use crate::observe::{CameraFrames, SampledFrame};
 
 /// Deviation of the scale from one that a depth camera may have: measured ones are off by up to 2.7 %.
@@ -154,7 +153,7 @@ pub fn implausible_scale(capture: &CameraFrames<SampledFrame>, most_deviation: f
 }
 
 /// The offset of depth, where the scale is implausible and depth deviates far less from the boards with an offset instead.
-fn depth_offset(capture: &CameraFrames<SampledFrame>) -> Option<DepthOffset> {
+pub(super) fn depth_offset(capture: &CameraFrames<SampledFrame>) -> Option<DepthOffset> {
     /// Deviation with an offset over that with a scale.
     const FAR_LESS: f64 = 1.0 / 3.0;
     let scale = depth_scale(capture).filter(|scale| (scale - 1.0).abs() > PLAUSIBLE_SCALE_DEVIATION)?;
@@ -167,15 +166,9 @@ fn depth_offset(capture: &CameraFrames<SampledFrame>) -> Option<DepthOffset> {
     (with_offset < FAR_LESS * with_scale).then_some(DepthOffset { offset_mm })
 }
 
-/// Refuses a scale that nothing but a wrong declaration explains, and an offset as large.
-pub(super) fn check_scale(capture: &CameraFrames<SampledFrame>) -> Result<(), CalibrateError> {
-    let is_large = |scale: f64| scale.max(1.0 / scale) > MOST_SCALE;
-    let offset = || Some(depth_offset(capture)?.into());
-    let scale = || Some(implausible_scale(capture, 0.0)?.into());
-    match depth_scale(capture).is_some_and(is_large) {
-        true => offset().or_else(scale).map_or(Ok(()), Err),
-        false => Ok(()),
-    }
+/// Whether nothing but a wrong declaration explains the scale.
+pub(super) fn is_beyond_any_camera(capture: &CameraFrames<SampledFrame>) -> bool {
+    depth_scale(capture).is_some_and(|scale| scale.max(1.0 / scale) > MOST_SCALE)
 }
 
 /// The cause of an implausible scale where the boards tell it, an offset, or a ratio of the declared lengths: the side of a tag
@@ -212,7 +205,7 @@ fn ratios(frame: &SampledFrame) -> Vec<f64> {
 }
 
 /// Measured depth and the depth of the board point that a sample sees, mm, of every sample of a frame.
-fn depths(frame: &SampledFrame) -> impl Iterator<Item = [f64; 2]> {
+pub(super) fn depths(frame: &SampledFrame) -> impl Iterator<Item = [f64; 2]> {
     let board_depth_mm = |[x, y]: [f64; 2]| (frame.camera_from_board * Point3::new(x, y, 0.0)).z;
     frame.samples.iter().map(move |sample| [sample.depth_mm, board_depth_mm(sample.board_seed)])
 }
@@ -259,7 +252,7 @@ mod tests {
     fn an_offset_is_told_from_a_scale() {
         use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 
-        use crate::calibrate::{CameraOptions, calibrate_camera};
+        use crate::calibrate::{CalibrateError, CameraOptions, calibrate_camera};
         let with = |change: fn(f64) -> f64| {
             let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], 5);
             let mut capture = crate::simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());

@@ -9,11 +9,11 @@ use super::camera_options::CameraOptions;
 use super::contradiction::check_evidence;
 use super::error::CalibrateError;
 use super::folds::check_invertible;
-use super::frame_contradiction::check_frames_agree;
 use super::options::CalibrateOptions;
 use super::rig::{Started, compare_with_expected, left_open, start};
 use super::rules::{joint_rules, rules_by_node};
 use super::settle::{Settled, settle};
+use super::two_cameras::check_frames_agree;
 use crate::adjust::field_cells::node_count;
 use crate::observe::{Capture, SampledFrame};
 

@@ -43,6 +43,7 @@ mod rules;
 mod sampled;
 mod settle;
 mod settled_camera;
+mod two_cameras;
 mod undetermined;
 #[cfg(test)]
 mod wide_lens_tests;
@@ -60,7 +61,7 @@ pub(crate) use driver::fit;
 pub use error::CalibrateError;
 pub use folds::check_invertible;
 pub use foreign_depth::ForeignDepth;
-pub use frame_contradiction::{FrameContradiction, FrameGroup};
+pub use frame_contradiction::{AgreeingFrames, FrameContradiction};
 pub use frame_scatter::with_frame_scatter;
 pub use held::{HeldError, HeldParameter};
 pub use image::calibrate_image;

@@ -1,7 +1,9 @@
 //! Depth that ends at a limit: a recorder that clips gives its largest value to everything beyond, which is no measurement.
 
+use depthcal_statistics::upper_median;
 use tracing::warn;
 
+use super::depth_scale::depths;
 use crate::observe::{CameraFrames, DroppedFrame, SampledFrame};
 use crate::start::{FEWEST_FRAMES, StartError};
 
@@ -11,6 +13,8 @@ const CLIPPED: f64 = 0.05;
 const FEWEST_CLIPPED: usize = 2;
 /// How many times as many samples have a limit as have the value before it; of a rounded measurement they are alike.
 const HEAPED: usize = 10;
+/// Measured over true depth at a limit, against that of other depth: boards that are flat and farthest have the same.
+const NEARER: f64 = 0.99;
 
 /// Leaves out the frames that show the board at the largest depth of the capture where that is a limit.
 ///
@@ -48,13 +52,20 @@ pub(super) fn drop_clipped(capture: &mut CameraFrames<SampledFrame>) -> Result<(
     }
 }
 
-/// The largest depth of all samples, where far more have it than have the largest one below; `None` where it is no limit.
+/// The largest depth of all samples, where far more have it than have the largest one below, and the boards that the images show
+/// are farther away; `None` where it is no limit.
 fn limit_mm(capture: &CameraFrames<SampledFrame>) -> Option<f64> {
-    let depths = || capture.frames.iter().flat_map(|frame| frame.samples.iter().map(|sample| sample.depth_mm));
-    let largest = depths().max_by(f64::total_cmp)?;
-    let before = depths().filter(|depth| *depth < largest).max_by(f64::total_cmp)?;
-    let count = |value: f64| depths().filter(|depth| *depth == value).count();
-    (count(largest) > HEAPED * count(before)).then_some(largest)
+    let pairs: Vec<[f64; 2]> = capture.frames.iter().flat_map(depths).collect();
+    let measured = || pairs.iter().map(|[measured, _]| *measured);
+    let largest = measured().max_by(f64::total_cmp)?;
+    let before = measured().filter(|depth| *depth < largest).max_by(f64::total_cmp)?;
+    let count = |value: f64| measured().filter(|depth| *depth == value).count();
+    let ratio = |is_at_limit: bool| {
+        let pairs = pairs.iter().filter(|[measured, _]| (*measured >= largest) == is_at_limit);
+        upper_median(&mut pairs.map(|[measured, board]| measured / board).collect::<Vec<_>>())
+    };
+    let is_limit = count(largest) > HEAPED * count(before) && ratio(true)? < NEARER * ratio(false)?;
+    is_limit.then_some(largest)
 }
 
 #[cfg(test)]

@@ -15,13 +15,13 @@ use thiserror::Error;
 pub struct RigContradiction {
     /// The camera.
     pub camera: String,
-    /// What contradicts.
+    /// The quantity that contradicts.
     pub evidence: Evidence,
     /// The frames that stand out, the worst first.
     pub frames: Vec<String>,
 }
 
-/// What the joint fit says otherwise than the images of one camera alone.
+/// A quantity of which the joint fit says otherwise than the images of one camera alone.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Evidence {
     /// Noise of its markers, px per coordinate.

@@ -141,7 +141,7 @@ struct Start<'a> {
     camera: &'a CameraCapture,
     /// With its depth sampled.
     prepared: CalibratedCamera,
-    /// What its images alone say, where it has images.
+    /// The evidence of its images alone, where it has images.
     images_alone: Option<ImagesAlone>,
     camera_from_rig: Isometry3<f64>,
     priors: Vec<ParameterPrior>,
