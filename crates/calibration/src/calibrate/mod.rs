@@ -74,4 +74,5 @@ pub use parameter_names::parameter_names;
 pub use readjust::{has_fields, readjust, readjust_part};
 pub use rig_contradiction::{Evidence, RigContradiction};
 pub use sampled::sampled_under;
+pub(crate) use two_cameras::check_frames_agree;
 pub use undetermined::UndeterminedModel;

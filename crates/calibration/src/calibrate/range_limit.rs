@@ -68,7 +68,7 @@ fn limit_mm(capture: &CameraFrames<SampledFrame>) -> Option<f64> {
     is_limit.then_some(largest)
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "simulate"))]
 mod tests {
     use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 

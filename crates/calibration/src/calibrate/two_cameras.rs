@@ -31,7 +31,7 @@ const ROUNDS: usize = 5;
 /// # Errors
 ///
 /// [`CalibrateError::FrameContradiction`].
-pub(super) fn check_frames_agree(
+pub(crate) fn check_frames_agree(
     capture: &CameraFrames,
     fit: &CalibratedCamera,
     options: &CameraOptions,
@@ -144,7 +144,7 @@ fn focal_length(fit: &HomographyFit, camera: &CalibratedCamera<PosedFrame>) -> O
     (variance.sqrt() < KNOWN * focal).then_some(focal)
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "simulate"))]
 mod tests {
     use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 

@@ -5,7 +5,7 @@ use super::bench::{Bench, Fitted};
 use super::fitter::Fitter;
 use super::frames::{Frames, explained_again, fit_declared, without_outlying};
 use super::state::State;
-use crate::calibrate::{CalibrateError, CameraOptions, implausible_scale};
+use crate::calibrate::{CalibrateError, CameraOptions, check_frames_agree, implausible_scale};
 use crate::diagnose::bad_frames::BadFrame;
 use crate::diagnose::options::CameraDiagnoseOptions;
 use crate::observe::CameraFrames;
@@ -40,6 +40,8 @@ pub(super) fn start(fitter: &Fitter<'_>, duplicates: Vec<BadFrame>) -> Result<St
     }
     frames = explained_again(fitter, &fit, frames);
     let bench = fitter.on(&frames.used, 0);
+    // Effects would be found in the contradiction of frames that are of two cameras.
+    check_frames_agree(&frames.used, &fit, &bench.options().calibrate)?;
     let scale = implausible_scale(&fit.capture, bench.thresholds().plausible_scale_deviation);
     let first = Fitted { held_out: bench.held_out(&fit, bench.declared())?, fit };
     Ok(State::new(frames, first, scale.into_iter().collect()))
