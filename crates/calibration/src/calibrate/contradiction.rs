@@ -40,14 +40,14 @@ pub(crate) fn check_evidence(rig: &Calibrated) -> Result<(), CalibrateError> {
 fn noise(fit: &CameraFit, alone: &ImagesAlone) -> Option<(f64, Evidence)> {
     let (alone_px, joint_px) = (alone.noise_px, fit.calibrated.noise.pixel_sigma);
     let ratio = joint_px / LEAST_PX.max(CONTRADICTS * alone_px);
-    (ratio > 1.0).then(|| (ratio, Evidence::Noise { camera: fit.name.clone(), joint_px, alone_px }))
+    (ratio > 1.0).then_some((ratio, Evidence::Noise { joint_px, alone_px }))
 }
 
 /// The focal length of a camera where it contradicts, and how often its difference is what the limit allows.
 fn focal_length(fit: &CameraFit, alone: &ImagesAlone) -> Option<(f64, Evidence)> {
     let (alone_px, joint_px) = (alone.focal_px?, fit.calibrated.focal_length()?);
     let ratio = (joint_px[0] - alone_px[0]).abs() / most_apart_px(alone_px, joint_px);
-    (ratio > 1.0).then(|| (ratio, Evidence::FocalLength { camera: fit.name.clone(), joint_px, alone_px }))
+    (ratio > 1.0).then_some((ratio, Evidence::FocalLength { joint_px, alone_px }))
 }
 
 /// Largest difference of two focal lengths, each with its standard deviation, that says nothing, px.

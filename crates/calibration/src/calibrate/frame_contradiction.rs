@@ -2,8 +2,7 @@
 
 use thiserror::Error;
 
-/// Frames of each group that a message names.
-const NAMED: usize = 6;
+use super::undetermined::listed;
 
 /// Frames of one camera that contradict each other.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -28,12 +27,4 @@ pub struct AgreeingFrames {
     pub noise_px: f64,
     /// Their names.
     pub frames: Vec<String>,
-}
-
-fn listed(frames: &[String]) -> String {
-    let shown = frames.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
-    match frames.len().saturating_sub(NAMED) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
-    }
 }

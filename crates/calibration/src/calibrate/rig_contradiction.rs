@@ -7,7 +7,7 @@ use thiserror::Error;
 /// A camera of a rig that the other cameras contradict.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error(
-    "the cameras contradict each other: {evidence}{}: check that frames with one name show the same moment (cameras that expose at other moments: \
+    "the cameras contradict each other: {camera} has {evidence}{}: check that frames with one name show the same moment (cameras that expose at other moments: \
      --with {camera}:time_offset), that no camera moved, that extrinsics which are declared as known are right, and that the board is one that looks \
      different after half a turn",
     worst(.frames)
@@ -26,8 +26,6 @@ pub struct RigContradiction {
 pub enum Evidence {
     /// Noise of its markers, px per coordinate.
     Noise {
-        /// The camera.
-        camera: String,
         /// In the joint fit.
         joint_px: f64,
         /// By its images alone.
@@ -35,8 +33,6 @@ pub enum Evidence {
     },
     /// Its focal length fx with its standard deviation, px.
     FocalLength {
-        /// The camera.
-        camera: String,
         /// In the joint fit.
         joint_px: [f64; 2],
         /// By its images alone.
@@ -47,13 +43,15 @@ pub enum Evidence {
 impl fmt::Display for Evidence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Noise { camera, joint_px, alone_px } => write!(
+            Self::Noise { joint_px, alone_px } => {
+                write!(
+                    f,
+                    "markers with a noise of {joint_px:.2} px in the rig, but of {alone_px:.3} px in a fit of this camera alone"
+                )
+            }
+            Self::FocalLength { joint_px: [joint, joint_std], alone_px: [alone, alone_std] } => write!(
                 f,
-                "the markers of {camera} have a noise of {joint_px:.2} px in the rig, but of {alone_px:.3} px in a fit of this camera alone"
-            ),
-            Self::FocalLength { camera, joint_px: [joint, joint_std], alone_px: [alone, alone_std] } => write!(
-                f,
-                "{camera} has a focal length of {joint:.1} ± {joint_std:.1} px in the rig, but of {alone:.1} ± {alone_std:.1} px in a fit of its images alone"
+                "a focal length of {joint:.1} ± {joint_std:.1} px in the rig, but of {alone:.1} ± {alone_std:.1} px in a fit of its images alone"
             ),
         }
     }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Parameters of the captures' most important combinations that are named.
+/// Names that a message lists, such as those of parameters of the captures' most important combinations.
 const MOST_NAMED: usize = 6;
 /// Parameters that the captures leave undetermined, the reasons, and the remedies.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +40,8 @@ impl fmt::Display for UndeterminedModel {
     }
 }
 
-fn listed(names: &[String]) -> String {
+/// The first of some names, and how many more there are.
+pub(super) fn listed(names: &[String]) -> String {
     let more = names.len().saturating_sub(MOST_NAMED);
     let shown = names.iter().take(MOST_NAMED).cloned().collect::<Vec<_>>().join(", ");
     if more > 0 { format!("{shown} and {more} more") } else { shown }

@@ -117,6 +117,9 @@ const FIRST_COEFFICIENTS: [usize; 2] = [0, 1];
 /// place and focal length are right, a whole lens takes their errors up, and may fold at a pixel, from which no step leads back.
 fn adjust_lenses_in_part(state: &mut State, starts: &[Start<'_>]) -> Result<(), CalibrateError> {
     let is_assumed = |start: &Start<'_>| !start.camera.has_markers() && !start.is_declared;
+    if !starts.iter().any(is_assumed) {
+        return Ok(());
+    }
     let cameras: Vec<Camera> = starts.iter().map(|start| start.prepared.camera.clone()).collect();
     for count in FIRST_COEFFICIENTS.map(Some).into_iter().chain([None]) {
         for ((camera, whole), _) in state.cameras.iter_mut().zip(&cameras).zip(starts).filter(|(_, s)| is_assumed(s)) {
