@@ -88,7 +88,7 @@ fn read(file: &Value) -> Result<Capture, Box<dyn Error>> {
             }
             let name = frame["name"].as_str().unwrap_or_default().to_owned();
             let raw = RawFrame { name, depth: MeasuredDepth::None, ..RawFrame::default() };
-            frames.push(DetectedFrame { raw, markers, wrong_markers: Vec::new() });
+            frames.push(DetectedFrame { raw, markers, ..DetectedFrame::default() });
         }
         let size = &file["sizes"][camera];
         let capture = CameraFrames {

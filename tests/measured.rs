@@ -62,9 +62,11 @@ fn kinect2_on_frames_that_the_fit_did_not_see() {
         let pixels = record.frames_detail.iter().map(|f| f.depth_pixels).sum();
         println!(
             "half {part} held out: {:.3} px, depth rms {:.2} mm to {:.2} mm",
-            record.reprojection_px.rms, rms.before, rms.after
+            record.reprojection_px.expect("images").rms,
+            rms.before,
+            rms.after
         );
-        assert!(result.reprojection_rms_px <= 0.13 && record.reprojection_px.rms <= 0.13);
+        assert!(result.reprojection_rms_px <= 0.13 && record.reprojection_px.expect("images").rms <= 0.13);
         (result, rms.after, pixels)
     };
     let (_, even, even_pixels) = fit(0);

@@ -58,7 +58,7 @@ pub fn capture(observed: &simulate::PointObservations) -> CameraFrames {
             depth: MeasuredDepth::Pixels(pixels),
             ..RawFrame::default()
         };
-        DetectedFrame { raw, markers: markers.collect(), wrong_markers: Vec::new() }
+        DetectedFrame { raw, markers: markers.collect(), ..DetectedFrame::default() }
     });
     CameraFrames {
         name: truth.kind.to_string(),

@@ -118,7 +118,7 @@ fn print_parameters(result: &CalibratedCamera) {
         }
     }
     let noise = &result.noise;
-    let has_markers = result.capture.frames.iter().any(|frame| !frame.markers.is_empty());
+    let has_markers = result.capture.frames.iter().any(|frame| !frame.observed_markers().is_empty());
     let of_markers = has_markers.then(|| format!("of a marker: {} per coordinate", quantity(noise.pixel_sigma, "px")));
     let of_depth = result.with_depth.then(|| {
         let (a, b) = (number(noise.depth.a_per_mm), number(noise.depth.b_mm));

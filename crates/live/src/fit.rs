@@ -143,7 +143,7 @@ fn fitted(job: FitJob, live: &LiveFit) -> Result<LiveFitted, String> {
     let of_errors = |evaluated: Option<&Evaluated>| {
         evaluated.and_then(|rig| rig.cameras.first()).map_or((None, None), |(_, evaluated)| {
             let errors = errors(evaluated);
-            (Some(errors.reprojection_px), errors.depth_rms_mm)
+            (errors.reprojection_px, errors.depth_rms_mm)
         })
     };
     let (fitted_px, fitted_mm) = of_errors(Some(&fit.on_fitted));

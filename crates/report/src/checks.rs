@@ -213,6 +213,12 @@ fn coverage(camera: &ReportCamera<'_>, image: &Image, add: &mut impl FnMut(Level
         pixels = c.capture.frames.iter().flat_map(|f| f.markers.iter().map(|m| m.pixel)).collect();
         poses = c.capture.poses().collect();
     }
+    // A camera without images has no markers.
+    let mut covered = ["Markers", "few"];
+    if pixels.is_empty() {
+        covered = ["Depth of boards", "little"];
+        pixels = fitted.pixels().map(|p| p.context.pixel).collect();
+    }
     if pixels.is_empty() || poses.is_empty() {
         return;
     }
@@ -234,10 +240,11 @@ fn coverage(camera: &ReportCamera<'_>, image: &Image, add: &mut impl FnMut(Level
     .flatten()
     .collect();
     let level = if share >= COVERED { Level::Good } else { Level::Care };
-    let mut answer = format!("Markers reached {} % of the image", fixed(100.0 * share, 0));
+    let [by, few] = covered;
+    let mut answer = format!("{by} reached {} % of the image", fixed(100.0 * share, 0));
     if !missing.is_empty() {
         let edge = if missing.len() == 1 { "edge" } else { "edges" };
-        answer += &format!("; few of them at the {} {edge}: capture boards there", join(&missing));
+        answer += &format!("; {few} at the {} {edge}: capture boards there", join(&missing));
     }
     add(level, IMAGE_COVERED, answer + ".");
 

@@ -35,8 +35,9 @@ pub(super) fn offsets(c: &CalibratedCamera, pool: &Pool<'_>, fewest: usize) -> O
         return None;
     }
     // From poses by the image alone: marker noise of a joint fit may contain errors of the depth model.
-    let reprojection = |f: &Pooled<'_>| f.frame.record().reprojection_px.rms;
-    let sigma_px = quantile(pool.frames.iter().map(reprojection).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
+    let reprojection = |f: &Pooled<'_>| Some(f.frame.record().reprojection_px?.rms);
+    let sigma_px =
+        quantile(pool.frames.iter().filter_map(reprojection).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
     let seen: Vec<(&Pooled<'_>, Vec<&PixelError>)> = pool
         .frames
         .iter()

@@ -26,7 +26,8 @@ const LENGTH: f64 = 0.015;
 /// Corrected depth error of a frame, mm, or its reprojection error, px, where there is no depth.
 fn error(frame: &Pooled<'_>) -> f64 {
     let record = frame.frame.record();
-    record.depth_rms_mm.map_or(record.reprojection_px.rms, |depth| depth.after)
+    let reprojection = record.reprojection_px.map_or(f64::NAN, |error| error.rms);
+    record.depth_rms_mm.map_or(reprojection, |depth| depth.after)
 }
 
 /// The worst frames with images as HTML, the worst first, and a sentence about how to read them; `None` where no frame has an
@@ -101,7 +102,7 @@ fn picture(frame: &Pooled<'_>, image: &GrayImage, factor: f64) -> Option<String>
         .depth_rms_mm
         .map_or_else(String::new, |d| format!("; depth error {} → {} mm rms", number(d.before), number(d.after)));
     let name = escape(&frame.frame.name);
-    let errors = format!("{} rms in the image{depth}", quantity(record.reprojection_px.rms, "px"));
+    let errors = format!("{} rms in the image{depth}", quantity(record.reprojection_px?.rms, "px"));
     Some(format!(
         "<figure class=\"picture\" tabindex=\"0\"><svg viewBox=\"{x} {y} {w} {h}\" role=\"img\" aria-label=\"Frame {name}: {errors}\" \
          fill=\"none\" stroke-width=\"{:.2}\"><image x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" preserveAspectRatio=\"none\" \

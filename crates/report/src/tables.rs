@@ -19,7 +19,7 @@ fn cell(e: &Estimate) -> String {
     let interval = match (e.has_interval(), is_determined(e)) {
         (false, _) => String::new(),
         (true, true) => format!(" <span class=\"interval\">{}</span>", interval(e.low, e.high, "")),
-        (true, false) => " <span class=\"interval\">not determined by these frames</span>".to_owned(),
+        (true, false) => " <span class=\"interval words\">not determined by these frames</span>".to_owned(),
     };
     format!("<td><b>{}</b>{interval}</td>", number(e.value))
 }
@@ -102,7 +102,7 @@ pub(super) fn datasets(camera: &ReportCamera<'_>) -> String {
                     escape(&r.name),
                     d.role.name(),
                     r.frames,
-                    number(r.reprojection_px.rms)
+                    number(r.reprojection_px.map_or(f64::NAN, |error| error.rms))
                 )
             };
             let left_out = if after {

@@ -83,7 +83,9 @@ impl CalibrateOptions {
         let lens = self.lens.as_ref().or(camera.lens.as_ref()).unwrap_or(&self.each.lens).clone();
         let effects = self.effects.iter().filter(|e| concerns(&e.camera)).map(|e| e.effect.clone()).collect();
         let held = self.held.iter().filter(|held| concerns(&held.camera)).map(|held| held.parameter.clone()).collect();
+        // Pieces of the board are the same for all cameras, also for those that are never adjusted alone.
         let register = self.registers.get(&camera.name).unwrap_or(&self.each.register).clone();
+        let register = register.for_board(&camera.capture.target);
         CameraOptions { camera: camera.declared.clone(), prior, lens, effects, held, register, ..self.each.clone() }
     }
 }

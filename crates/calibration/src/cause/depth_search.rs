@@ -142,7 +142,7 @@ mod tests {
             let raw =
                 RawFrame { name: i.to_string(), depth: MeasuredDepth::Image(depth.into()), ..RawFrame::default() };
             let markers = (0..target.len()).map(marker).collect();
-            let detected = DetectedFrame { raw, markers, wrong_markers: Vec::new() };
+            let detected = DetectedFrame { raw, markers, ..DetectedFrame::default() };
             PosedFrame { detected, camera_from_board: pose(i) }
         };
         CameraFrames {

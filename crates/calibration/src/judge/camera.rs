@@ -36,7 +36,7 @@ pub struct EvaluatedFrame {
     pub name: String,
     /// Pose from the image alone: maps board coordinates to camera coordinates, mm.
     pub camera_from_board: Isometry3<f64>,
-    /// Reprojection errors: detected pixel and detected minus projected, [u, v, du, dv], px.
+    /// Reprojection errors: detected pixel and detected minus projected, [u, v, du, dv], px; none without an image.
     pub reprojection: Vec<[f64; 4]>,
     /// Markers that were left out because they are far from where the board has them.
     pub wrong_markers: usize,
@@ -231,7 +231,7 @@ impl<F: Sync> Evaluation<'_, F> {
 
     fn of_frame(&self, frame: &DetectedFrame, open: &OpenFrame<'_>, pose: Isometry3<f64>) -> EvaluatedFrame {
         let target = &self.capture.target;
-        let reprojection = frame.markers.iter().filter_map(|m| self.reprojection(m, &pose)).collect();
+        let reprojection = frame.observed_markers().iter().filter_map(|m| self.reprojection(m, &pose)).collect();
         let surface = self.rays.surface(&pose);
         let Judged { measured: all, corrected, outliers, outlier_limit_mm } = self.judged(frame, open, &surface, &pose);
         let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, self.rays.camera(), target, &pose);
@@ -256,7 +256,7 @@ impl<F: Sync> Evaluation<'_, F> {
         let pairs: Vec<(usize, [MarkerPoint; 2])> = before
             .into_iter()
             .zip(points(&correctable))
-            .zip(&frame.markers)
+            .zip(frame.observed_markers())
             .filter_map(|((before, after), marker)| Some((marker.index, [before?, after?])))
             .collect();
         let in_space = |p: &MarkerPoint| [p.ray[0], p.ray[1], 1.0].map(|x| x / p.inverse_depth);
@@ -381,12 +381,11 @@ impl EvaluatedCamera {
     /// The record for `evaluation.json`.
     pub fn record(&self) -> DatasetEvaluation {
         let dots = || self.frames.iter().flat_map(|f| f.dots.iter());
-        let errors = || self.frames.iter().flat_map(|f| f.reprojection.iter());
         let depth = DepthErrors::over(self.frames.iter().map(|f| &f.depth));
         DatasetEvaluation {
             name: self.name.clone(),
             frames: self.frames.len(),
-            reprojection_px: Rms { rms: rms(errors().map(|e| e[2].hypot(e[3]))) },
+            reprojection_px: reprojection(self.frames.iter().flat_map(|f| f.reprojection.iter())),
             dot_error_mm: (dots().count() > 0).then(|| dot_error(dots())),
             plane_error_mm: depth.plane_error_mm(),
             depth_rms_mm: depth.rms_mm(),
@@ -477,12 +476,18 @@ impl EvaluatedFrame {
             wrong_markers: self.wrong_markers,
             depth_pixels: self.depth.pixels,
             outliers: self.outliers,
-            reprojection_px: Rms { rms: rms(self.reprojection.iter().map(|e| e[2].hypot(e[3]))) },
+            reprojection_px: reprojection(self.reprojection.iter()),
             dot_error_mm: (!self.dots.is_empty()).then(|| dot_error(self.dots.iter())),
             plane_error_mm: self.depth.plane_error_mm(),
             depth_rms_mm: self.depth.rms_mm(),
         }
     }
+}
+
+/// Root mean square of reprojection errors; `None` without any: the camera has no images.
+fn reprojection<'a>(errors: impl Iterator<Item = &'a [f64; 4]> + Clone) -> Option<Rms> {
+    let is_any = errors.clone().next().is_some();
+    is_any.then(|| Rms { rms: rms(errors.map(|e| e[2].hypot(e[3]))) })
 }
 
 /// Mean and standard deviation of distances between markers and their back-projections (thesis eq. 5.1–5.3).

@@ -121,7 +121,7 @@ pub fn errors(evaluated: &EvaluatedCamera) -> HeldOutErrors {
         dot_error_mm: record.dot_error_mm.map(|e| e.after.mean),
         plane_error_mm: record.plane_error_mm.map(|e| e.after.mean),
         depth_rms_mm: record.depth_rms_mm.map(|e| e.after),
-        reprojection_px: record.reprojection_px.rms,
+        reprojection_px: record.reprojection_px.map(|e| e.rms),
         outliers: record.outliers,
     }
 }

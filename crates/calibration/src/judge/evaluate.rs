@@ -1,21 +1,24 @@
 //! Errors of calibrated cameras, of which there may be one, and from one camera to another.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::judge::camera::{EvaluatedCamera, evaluate_camera};
 use depthcal_io::{DatasetEvaluation, TransferError};
 
+use nalgebra::Isometry3;
 use tracing::warn;
 
-use super::transfer::{Transfer, transfers};
+use super::transfer::{JudgedCamera, Transfer, transfers};
 use crate::calibrate::{CalibrateError, Calibrated};
-use crate::observe::{CameraCapture, Capture, DroppedFrame, PlacedCamera};
+use crate::observe::projected_markers::with_projected_markers;
+use crate::observe::{CameraCapture, CameraFrames, Capture, DetectedFrame, DroppedFrame, PlacedCamera, Taken};
 use crate::start::views::numbered_for;
 
 /// Errors of calibrated cameras on a capture.
 #[derive(Debug, Clone)]
 pub struct Evaluated {
-    /// Errors of every camera with images and its name, as those of one camera alone: poses come from its own images.
+    /// Errors of every camera and its name, as those of one camera alone: poses come from its own images, or without any from
+    /// those of the others.
     pub cameras: Vec<(String, EvaluatedCamera)>,
     /// Errors from every camera with depth to every other one with images.
     pub transfers: Vec<Transfer>,
@@ -24,36 +27,82 @@ pub struct Evaluated {
 }
 
 /// Evaluates cameras on all frames of a capture. They are found by their names; those that the capture does not have are left
-/// out.
+/// out. A camera without images is judged at the poses that the images of the others show.
 pub fn evaluate(cameras: &[PlacedCamera], capture: &Capture) -> Evaluated {
     let capture = &*numbered_for(cameras, capture);
-    let evaluated = cameras.iter().filter_map(|placed| {
-        let seen = capture.cameras.iter().find(|c| c.name == placed.name).filter(|seen| seen.has_markers())?;
-        Some((placed, seen, evaluate_camera(&placed.camera, &seen.capture)))
-    });
-    judged(evaluated.collect(), capture)
+    judged(cameras, capture, |placed, seen| evaluate_camera(&placed.camera, &seen.capture))
 }
 
 /// Evaluates calibrated cameras on the frames that they were fitted to.
 pub fn evaluate_fitted(fit: &Calibrated) -> Evaluated {
-    let (cameras, capture) = (fit.placed(), fit.capture());
-    let fitted = cameras.iter().zip(&capture.cameras).zip(&fit.cameras).filter(|(_, camera)| camera.has_markers());
-    // The search for a frame's pose starts from the fitted one.
-    let evaluated = fitted
-        .map(|((placed, seen), camera)| (placed, seen, evaluate_camera(&placed.camera, &camera.calibrated.capture)));
-    judged(evaluated.collect(), &capture)
+    judged(&fit.placed(), &fit.capture(), |placed, seen| match fit.camera(&placed.name) {
+        // The search for a frame's pose starts from the fitted one.
+        Some(camera) => evaluate_camera(&placed.camera, &camera.calibrated.capture),
+        None => evaluate_camera(&placed.camera, &seen.capture),
+    })
 }
 
-/// Errors of cameras in a capture, and between them.
-fn judged(cameras: Vec<(&PlacedCamera, &CameraCapture, EvaluatedCamera)>, capture: &Capture) -> Evaluated {
-    let (mut both, mut evaluated) = (Vec::new(), Vec::new());
-    for (placed, seen, errors) in cameras {
-        both.push((placed, seen));
-        evaluated.push(EvaluatedCamera { name: part_name(capture, &placed.name), ..errors });
-    }
-    let transfers = transfers(&both, &evaluated);
-    let cameras = both.iter().map(|(placed, _)| placed.name.clone()).zip(evaluated).collect();
-    Evaluated { cameras, transfers, name: capture.name.clone() }
+/// The frames of a camera without images, with markers where the images of the other `cameras` put its board. `None` where the
+/// capture, or the cameras, lack it.
+pub fn placed_by_others(cameras: &[PlacedCamera], capture: &Capture, name: &str) -> Option<CameraFrames> {
+    let capture = &*numbered_for(cameras, capture);
+    let (placed, seen) = pairs(cameras, capture).find(|(placed, _)| placed.name == name)?;
+    let others = pairs(cameras, capture).filter(|(_, seen)| seen.has_markers());
+    let others = others.map(|(placed, seen)| JudgedCamera {
+        placed,
+        seen,
+        errors: evaluate_camera(&placed.camera, &seen.capture),
+    });
+    Some(at_poses_of(&others.collect::<Vec<_>>(), placed, seen))
+}
+
+/// Calibrated cameras with their parts of a capture.
+fn pairs<'a>(
+    cameras: &'a [PlacedCamera],
+    capture: &'a Capture,
+) -> impl Iterator<Item = (&'a PlacedCamera, &'a CameraCapture)> {
+    cameras.iter().filter_map(|placed| Some((placed, capture.cameras.iter().find(|seen| seen.name == placed.name)?)))
+}
+
+/// Errors of cameras in a capture, of those with images by `by_images`, and between them.
+fn judged(
+    cameras: &[PlacedCamera],
+    capture: &Capture,
+    by_images: impl Fn(&PlacedCamera, &CameraCapture) -> EvaluatedCamera,
+) -> Evaluated {
+    let (with_images, without): (Vec<_>, Vec<_>) = pairs(cameras, capture).partition(|(_, seen)| seen.has_markers());
+    let with_images = with_images.into_iter().map(|(placed, seen)| {
+        let errors = EvaluatedCamera { name: part_name(capture, &placed.name), ..by_images(placed, seen) };
+        JudgedCamera { placed, seen, errors }
+    });
+    let with_images: Vec<JudgedCamera<'_>> = with_images.collect();
+    let transfers = transfers(&with_images);
+    let without = without.into_iter().map(|(placed, seen)| {
+        let errors = evaluate_camera(&placed.camera, &at_poses_of(&with_images, placed, seen));
+        (placed.name.clone(), EvaluatedCamera { name: part_name(capture, &placed.name), ..errors })
+    });
+    let without: Vec<_> = without.collect();
+    let with_images = with_images.into_iter().map(|camera| (camera.placed.name.clone(), camera.errors));
+    let mut evaluated: Vec<_> = with_images.chain(without).collect();
+    evaluated.sort_by_key(|(name, _)| cameras.iter().position(|placed| placed.name == *name));
+    Evaluated { cameras: evaluated, transfers, name: capture.name.clone() }
+}
+
+/// A camera's frames with markers where other cameras put its board: of those that show it, the one with the most markers.
+fn at_poses_of(others: &[JudgedCamera<'_>], placed: &PlacedCamera, seen: &CameraCapture) -> CameraFrames {
+    let pose = |frame: &DetectedFrame| {
+        let taken = Taken::of(frame);
+        let shown = others.iter().filter_map(|other| {
+            let shown = other.errors.frames.iter().find(|shown| shown.name == frame.name)?;
+            Some((other.placed, shown))
+        });
+        let (other, shown) = shown.max_by_key(|(_, shown)| shown.reprojection.len())?;
+        Some(placed.at(&taken).from(&other.at(&taken)) * shown.camera_from_board)
+    };
+    let frames = seen.capture.frames.iter();
+    let camera_from_board: BTreeMap<&str, Isometry3<f64>> =
+        frames.filter_map(|frame| Some((frame.name.as_str(), pose(frame)?))).collect();
+    with_projected_markers(&seen.capture, &placed.camera, &camera_from_board)
 }
 
 /// The name of a camera's part of a capture: the capture's, of several cameras with the camera's.
@@ -111,9 +160,9 @@ impl Evaluated {
         Ok(self)
     }
 
-    /// No frames of the cameras with images.
+    /// No frames of any camera.
     pub(super) fn empty(capture: &Capture) -> Self {
-        let cameras = capture.cameras.iter().filter(|camera| camera.has_markers()).map(|camera| {
+        let cameras = capture.cameras.iter().map(|camera| {
             let name = part_name(capture, &camera.name);
             (camera.name.clone(), EvaluatedCamera { name, frames: Vec::new(), dropped: Vec::new() })
         });
@@ -145,7 +194,7 @@ impl Evaluated {
         Self { name, cameras: vec![(camera.to_owned(), evaluated)], transfers: Vec::new() }
     }
 
-    /// The errors of a camera; `None` where it has no images, or is not part of the capture.
+    /// The errors of a camera; `None` where it is not part of the capture.
     pub fn camera(&self, name: &str) -> Option<&EvaluatedCamera> {
         self.cameras.iter().find(|(camera, _)| camera == name).map(|(_, evaluated)| evaluated)
     }

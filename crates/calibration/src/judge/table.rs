@@ -36,7 +36,7 @@ pub fn table(records: &[DatasetEvaluation], marked: Option<&str>) -> String {
                 cell(plane.map(|d| d.std)),
                 cell(rms),
                 first(cell(r.outliers.map(|o| 100.0 * o.share))),
-                first(format!("{:.3}", r.reprojection_px.rms)),
+                first(r.reprojection_px.map_or_else(|| "–".to_owned(), |error| format!("{:.3}", error.rms))),
             );
         }
     }

@@ -2,15 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use crate::judge::camera::EvaluatedCamera;
+use super::camera::EvaluatedCamera;
 use depthcal_io::{TransferAtDistance, TransferError};
 use depthcal_model::Camera;
 use depthcal_statistics::rms;
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::observe::CameraCapture;
-use crate::observe::PlacedCamera;
-use crate::observe::Taken;
+use crate::observe::{CameraCapture, PlacedCamera, Taken};
 
 /// Ranges of distance in which errors are reported.
 const RANGES: usize = 5;
@@ -32,6 +30,13 @@ pub struct TransferPoint {
     pub distance_mm: f64,
 }
 
+/// A camera with its part of a capture, and its errors there.
+pub(super) struct JudgedCamera<'a> {
+    pub placed: &'a PlacedCamera,
+    pub seen: &'a CameraCapture,
+    pub errors: EvaluatedCamera,
+}
+
 /// Errors from one camera to another.
 #[derive(Debug, Clone)]
 pub struct Transfer {
@@ -43,29 +48,24 @@ pub struct Transfer {
     pub points: Vec<TransferPoint>,
 }
 
-/// Errors between all pairs of cameras; pairs without common markers are left out.
-pub(super) fn transfers(cameras: &[(&PlacedCamera, &CameraCapture)], evaluated: &[EvaluatedCamera]) -> Vec<Transfer> {
+/// Errors between all pairs of cameras with images; pairs without common markers are left out.
+pub(super) fn transfers(cameras: &[JudgedCamera<'_>]) -> Vec<Transfer> {
     let mut transfers = Vec::new();
-    for (from, from_errors) in cameras.iter().zip(evaluated) {
-        for (to, to_errors) in cameras.iter().zip(evaluated) {
-            if from.0.name == to.0.name {
-                continue;
-            }
-            let points = points(from.0, from_errors, *to, to_errors);
+    for from in cameras {
+        for to in cameras.iter().filter(|to| to.placed.name != from.placed.name) {
+            let points = points(from, to);
             if !points.is_empty() {
-                transfers.push(Transfer { from: from.0.name.clone(), to: to.0.name.clone(), points });
+                let [from, to] = [from, to].map(|camera| camera.placed.name.clone());
+                transfers.push(Transfer { from, to, points });
             }
         }
     }
     transfers
 }
 
-fn points(
-    from: &PlacedCamera,
-    from_errors: &EvaluatedCamera,
-    (to, capture): (&PlacedCamera, &CameraCapture),
-    to_errors: &EvaluatedCamera,
-) -> Vec<TransferPoint> {
+fn points(from: &JudgedCamera<'_>, to: &JudgedCamera<'_>) -> Vec<TransferPoint> {
+    let (capture, from_errors, to_errors) = (to.seen, &from.errors, &to.errors);
+    let (from, to) = (from.placed, to.placed);
     let seen: BTreeMap<&str, BTreeMap<usize, [f64; 2]>> = capture
         .capture
         .frames

@@ -347,7 +347,7 @@ pub(super) fn assemble(
             };
             dropped.push(DroppedFrame { name: raw.name, reason });
         } else {
-            frames_with_board.push(DetectedFrame { raw, markers, wrong_markers: Vec::new() });
+            frames_with_board.push(DetectedFrame { raw, markers, ..DetectedFrame::default() });
         }
     }
     if frames_with_board.is_empty() {

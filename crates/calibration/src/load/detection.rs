@@ -202,7 +202,7 @@ fn refine(
             .map(|(f, m)| DetectedFrame {
                 raw: RawFrame { name: f.name.clone(), ..RawFrame::default() },
                 markers: m.clone(),
-                wrong_markers: Vec::new(),
+                ..DetectedFrame::default()
             })
             .collect(),
         dropped: Vec::new(),

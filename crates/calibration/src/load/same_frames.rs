@@ -47,7 +47,7 @@ mod tests {
         let raw =
             RawFrame { name: name.to_owned(), image: Some(image.into()), depth_digest: digest, ..RawFrame::default() };
         let markers = vec![MarkerObservation { index: 0, pixel: [u, 2.0], std_px: 1.0 }];
-        DetectedFrame { raw, markers, wrong_markers: Vec::new() }
+        DetectedFrame { raw, markers, ..DetectedFrame::default() }
     }
 
     #[test]

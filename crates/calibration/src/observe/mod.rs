@@ -18,6 +18,7 @@ pub mod noise;
 pub mod outliers;
 pub mod pixel_rays;
 mod placed_camera;
+pub(crate) mod projected_markers;
 mod stages;
 pub mod stored;
 pub(crate) mod wrong_markers;

@@ -163,11 +163,19 @@ pub struct DetectedFrame {
     pub raw: RawFrame,
     /// The markers in its image.
     pub markers: Vec<MarkerObservation>,
+    /// Whether it has no image, and its markers are where the poses of other cameras put them: they say where the board is, but
+    /// have no errors of their own.
+    pub markers_are_projected: bool,
     /// Markers that are left out because they are far from where the board has them.
     pub wrong_markers: Vec<MarkerObservation>,
 }
 
 impl DetectedFrame {
+    /// The markers that were found in an image.
+    pub fn observed_markers(&self) -> &[MarkerObservation] {
+        if self.markers_are_projected { &[] } else { &self.markers }
+    }
+
     /// Whether another frame has the same depth image, to the bit, and any depth in it. Frames of several boards that one image
     /// shows share it rightly.
     pub fn has_depth_of(&self, other: &Self) -> bool {

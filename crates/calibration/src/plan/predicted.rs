@@ -56,6 +56,6 @@ pub fn predicted_frame(
         }
     }
     let raw = RawFrame { name: "predicted".to_owned(), ..RawFrame::default() };
-    let detected = DetectedFrame { raw, markers, wrong_markers: Vec::new() };
+    let detected = DetectedFrame { raw, markers, ..DetectedFrame::default() };
     Some(SampledFrame { posed: PosedFrame { detected, camera_from_board: *pose }, samples: samples.into() })
 }

@@ -13,6 +13,7 @@ use super::results::{Results, Shown};
 use crate::calibrate::{CalibratedCamera, CameraOptions, calibrate};
 use crate::compare::{CompareOptions, compare};
 use crate::diagnose::rig::examined;
+use crate::judge::evaluate::placed_by_others;
 use crate::load::Loaded;
 use crate::observe::CameraFrames;
 
@@ -72,10 +73,9 @@ impl CompareRequest {
         let mut compared = Vec::new();
         for camera in capture.cameras.iter().filter(|c| c.capture.has_depth()) {
             let Some((train, base)) = examined(camera, &fit, &options)? else { continue };
-            // In another dataset a camera without images has no poses of its own; its frames are cross-validated.
-            let of_camera = |v: &Arc<Loaded>| {
-                let verified = v.cameras.iter().find(|c| c.name() == camera.name);
-                verified.filter(|_| camera.has_markers()).map(|c| c.capture.clone())
+            let of_camera = |v: &Arc<Loaded>| match camera.has_markers() {
+                true => v.cameras.iter().find(|c| c.name() == camera.name).map(|c| c.capture.clone()),
+                false => placed_by_others(&fit.placed(), &v.observed(), &camera.name),
             };
             let captures = verify.iter().filter_map(of_camera).collect();
             compared.push(self.compare_camera(&camera.name, train, captures, base)?);

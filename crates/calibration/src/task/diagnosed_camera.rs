@@ -48,13 +48,12 @@ pub struct DiagnosedCamera {
 
 impl DiagnosedCamera {
     /// The diagnosis of camera number `camera` of a dataset, whose declared model is `model`, with everything that follows
-    /// from it. `has_verify`: errors on held-out frames are those on another dataset, in which a camera without images has no
-    /// poses.
+    /// from it. `verified`: errors on held-out frames are those on another dataset.
     pub(super) fn new(
         diagnosed: diagnose::DiagnosedCamera,
         (loaded, camera): (&Arc<Loaded>, usize),
         model: &ModelSpec,
-        has_verify: bool,
+        verified: bool,
         progress: &ProgressHandle,
     ) -> Self {
         let diagnose::DiagnosedCamera { diagnosis, register, in_rig, .. } = diagnosed;
@@ -67,7 +66,6 @@ impl DiagnosedCamera {
         // The matrix is optional in the record; the diagnosis itself has linearised the same model.
         record.separability = separability(&diagnosis, &register).ok();
         drop(stage);
-        let verified = has_verify && !in_rig.as_ref().is_some_and(|in_rig| in_rig.poses_from_others);
         let (title, loaded) = (loaded_camera.capture.name.clone(), loaded.clone());
         Self { title, loaded, camera, diagnosis, on_fitted, verified, record, register, in_rig, story: Vec::new() }
     }

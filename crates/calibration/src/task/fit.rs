@@ -187,12 +187,17 @@ impl FitRequest {
 }
 
 /// Warns where the frames of a camera do not determine its focal length, or contradict each other about it.
-fn warn_of_unknown_focal_length(CameraFit { name, calibrated, .. }: &CameraFit) {
+fn warn_of_unknown_focal_length(camera: &CameraFit) {
+    let CameraFit { name, calibrated, .. } = camera;
     if let Some([fx, std_dev]) = calibrated.unknown_focal_length() {
+        let noise = match camera.has_markers() {
+            true => format!(" (noise of a marker {:.3} px)", calibrated.noise.pixel_sigma),
+            false => String::new(),
+        };
         warn!(
-            "{name}: the focal length is hardly known, {fx:.0} ± {std_dev:.0} px: too few boards are tilted (by 20° to 45°, near and far), or some \
-             frames are of another camera, of another zoom, or have depth that is not theirs (noise of a marker {:.3} px)",
-            calibrated.noise.pixel_sigma
+            "{name}: the focal length is hardly known, {fx:.0} ± {std_dev:.0} px: too few boards are tilted (by 20° to 45°, near and far), some \
+             frames are of another camera, of another zoom, or have depth that is not theirs{noise}, or the model lacks an effect, which diagnose \
+             looks for"
         );
     }
 }

@@ -3,6 +3,9 @@
 use crate::support;
 use depthcal_calibration::calibrate::CalibrateError;
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::judge::capture_cross_validation::cross_validate;
+use depthcal_calibration::judge::evaluate::evaluate;
+use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::rig_simulated::{errors, rig_capture};
 use depthcal_model::Camera;
 use depthcal_simulate::{Kind, PointOptions, Pose, RigPoints, RigSimulation};
@@ -40,6 +43,35 @@ fn planes_give_place_pinhole_lens_and_depth() {
         }
     }
     assert!(within as f64 >= 0.95 * all as f64, "{within} of {all} within three standard deviations");
+}
+
+/// The camera is judged where the other one's image has the board: as far off as its depth is from the true planes, which
+/// correction takes to the noise; no error of the image is made up. Frames that the other camera did not see are named.
+#[test]
+fn its_errors_are_those_at_the_poses_of_the_other_camera() {
+    let mut capture = rig_capture(&observed(1));
+    let fit = calibrate(&capture, &options()).expect("a calibration");
+    let gone = capture.cameras[0].capture.frames.remove(2).name.clone();
+    let evaluated = evaluate(&fit.placed(), &capture);
+    let names: Vec<&str> = evaluated.cameras.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["infrared", "depth"]);
+    let depth = evaluated.camera("depth").expect("the camera");
+    assert_eq!(depth.frames.len() + depth.dropped.len(), capture.cameras[1].capture.frames.len());
+    assert!(depth.dropped.iter().any(|frame| frame.name == gone && frame.reason.contains("no other camera")));
+    let record = depth.record();
+    assert!(record.reprojection_px.is_none() && record.dot_error_mm.is_none());
+    let rms = record.depth_rms_mm.expect("depth");
+    // The same pixels at the poses of the joint adjustment, by the noise that it estimates.
+    let camera = &fit.camera("depth").expect("the camera").calibrated;
+    let samples = || camera.capture.frames.iter().flat_map(|frame| frame.samples.iter());
+    let noise = samples().map(|s| (camera.noise.depth.sigma(1.0 / s.depth_mm) * s.depth_mm.powi(2)).powi(2));
+    let noise_mm = (noise.sum::<f64>() / samples().count() as f64).sqrt();
+    assert!((rms.after / noise_mm - 1.0).abs() < 0.1, "{rms:?}, noise {noise_mm} mm");
+    assert!(rms.before > 1.2 * rms.after, "{rms:?}");
+    // Left-out frames are hardly worse.
+    let validated = cross_validate(&fit, &capture, 5, Parts::Interleaved, &options()).expect("folds");
+    let left_out = validated.camera("depth").expect("the camera").record().depth_rms_mm.expect("depth");
+    assert!((left_out.after / rms.after - 1.0).abs() < 0.15, "{left_out:?} {rms:?}");
 }
 
 /// Six frames determine the pinhole worse than all, and the standard deviations say so; three are refused with the reason.

@@ -23,7 +23,7 @@ fn fitted(capture: &Capture, options: &CalibrateOptions) -> Calibrated {
 }
 
 fn reprojection_px(evaluated: &Evaluated) -> Vec<f64> {
-    evaluated.records().iter().map(|record| record.reprojection_px.rms).collect()
+    evaluated.records().iter().map(|record| record.reprojection_px.expect("images").rms).collect()
 }
 
 /// Every frame is judged once, by a rig that was fitted without it: with errors near those of a rig that was refitted from the

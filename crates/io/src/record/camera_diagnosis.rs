@@ -34,8 +34,8 @@ pub struct HeldOutErrors {
     pub plane_error_mm: Option<f64>,
     /// Root mean square of depth minus the board's depth, mm.
     pub depth_rms_mm: Option<f64>,
-    /// Root mean square reprojection error, px.
-    pub reprojection_px: f64,
+    /// Root mean square reprojection error, px; absent of a camera without images.
+    pub reprojection_px: Option<f64>,
     /// Board pixels that are in none of the errors of depth; absent without depth and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outliers: Option<Outliers>,

@@ -60,8 +60,9 @@ pub struct DatasetEvaluation {
     pub name: String,
     /// Number of frames that were evaluated.
     pub frames: usize,
-    /// Reprojection error, px.
-    pub reprojection_px: Rms,
+    /// Reprojection error, px; absent of a camera without images, whose board is where other cameras see it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reprojection_px: Option<Rms>,
     /// Distance in 3D between a marker, back-projected with its depth into the board frame, and its position on the
     /// board, mm (Sjöholm 2017, eq. 5.1–5.3).
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -96,8 +97,9 @@ pub struct FrameEvaluation {
     /// Number of board pixels that are no measurements of the board, and are left out.
     #[serde(default)]
     pub outliers: usize,
-    /// Reprojection error, px.
-    pub reprojection_px: Rms,
+    /// Reprojection error, px; absent without an image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reprojection_px: Option<Rms>,
     /// Dot error, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dot_error_mm: Option<BeforeAfter<MeanStd>>,
@@ -166,7 +168,7 @@ mod tests {
             datasets: vec![DatasetEvaluation {
                 name: "general1".into(),
                 frames: 27,
-                reprojection_px: Rms { rms: 0.125 },
+                reprojection_px: Some(Rms { rms: 0.125 }),
                 dot_error_mm: Some(error),
                 plane_error_mm: Some(error),
                 depth_rms_mm: Some(BeforeAfter { before: 10.5, after: 6.5 }),

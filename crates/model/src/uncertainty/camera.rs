@@ -24,8 +24,12 @@ impl UncertainCamera {
         Self { camera, directions: Vec::new() }
     }
 
-    /// A camera with the covariance of some of its parameters, given by their places in [`Camera::theta`].
+    /// A camera with the covariance of some of its parameters, given by their places in [`Camera::theta`]; it is exact where all
+    /// are held.
     pub fn new(camera: Camera, places: &[usize], covariance: &DMatrix<f64>) -> Self {
+        if places.is_empty() {
+            return Self::exact(camera);
+        }
         let std_devs: Vec<f64> = (0..places.len()).map(|i| covariance[(i, i)].sqrt()).collect();
         let correlation = DMatrix::from_fn(places.len(), places.len(), |i, j| {
             let product = std_devs[i] * std_devs[j];

@@ -23,8 +23,8 @@ class DatasetErrors:
 
     dataset: str
     frames: int
-    reprojection_px: float
-    """Root mean square."""
+    reprojection_px: float | None
+    """Root mean square; None of a camera without images, whose board is where the other cameras see it."""
     dot_error_before_mm: float | None
     """Mean distance in space between a marker by its depth and the board's; before correction."""
     dot_error_mm: float | None
@@ -47,13 +47,18 @@ class FrameErrors:
     frame: str
     markers: int
     depth_pixels: int
-    reprojection_px: float
+    reprojection_px: float | None
     dot_error_before_mm: float | None
     dot_error_mm: float | None
     plane_error_before_mm: float | None
     plane_error_mm: float | None
     depth_rms_before_mm: float | None
     depth_rms_mm: float | None
+
+
+def _reprojection(entry: dict[str, Any]) -> float | None:
+    error = entry.get("reprojection_px")
+    return error and error["rms"]
 
 
 def _mean(entry: dict[str, Any], name: str, when: str) -> float | None:
@@ -78,7 +83,7 @@ def dataset_errors(record: dict[str, Any]) -> Table[DatasetErrors]:
         DatasetErrors(
             dataset=d["name"],
             frames=d["frames"],
-            reprojection_px=d["reprojection_px"]["rms"],
+            reprojection_px=_reprojection(d),
             left_out_share=(d.get("outliers") or {}).get("share"),
             **_depth_errors(d),
         )
@@ -95,7 +100,7 @@ def frame_errors(record: dict[str, Any]) -> Table[FrameErrors]:
             frame=f["name"],
             markers=f["markers"],
             depth_pixels=f["depth_pixels"],
-            reprojection_px=f["reprojection_px"]["rms"],
+            reprojection_px=_reprojection(f),
             **_depth_errors(f),
         )
         for d in record["datasets"]

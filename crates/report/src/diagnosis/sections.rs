@@ -77,7 +77,7 @@ fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
         escape(&share(a.outliers.map(|o| o.share))),
         arrow(b.plane_error_mm, a.plane_error_mm, "mm"),
         arrow(b.dot_error_mm, a.dot_error_mm, "mm"),
-        arrow(Some(b.reprojection_px), Some(a.reprojection_px), "px"),
+        arrow(b.reprojection_px, a.reprojection_px, "px"),
     )
 }
 

@@ -172,7 +172,9 @@ fn errors(before: &HeldOutErrors, after: &HeldOutErrors) -> String {
             before.filter(|before| *before != after).map_or_else(|| after.clone(), |b| format!("{b} → {after}"));
         parts.push(format!("{shares} of the board left out"));
     }
-    parts.push(format!("reprojection {} rms", arrow(Some(before.reprojection_px), Some(after.reprojection_px), "px")));
+    if before.reprojection_px.is_some() || after.reprojection_px.is_some() {
+        parts.push(format!("reprojection {} rms", arrow(before.reprojection_px, after.reprojection_px, "px")));
+    }
     parts.join(", ")
 }
 
@@ -210,8 +212,11 @@ mod tests {
 
     /// A record of one step, without errors of depth before it.
     fn record() -> CameraDiagnosis {
-        let errors =
-            |mm: Option<f64>| HeldOutErrors { depth_rms_mm: mm, reprojection_px: 0.1234, ..HeldOutErrors::default() };
+        let errors = |mm: Option<f64>| HeldOutErrors {
+            depth_rms_mm: mm,
+            reprojection_px: Some(0.1234),
+            ..HeldOutErrors::default()
+        };
         let step = DiagnosisStep {
             effects: vec!["cyclic_depth".to_owned(), "range_offset".to_owned()],
             indistinguishable: vec!["disparity_ripple".to_owned()],

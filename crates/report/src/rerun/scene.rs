@@ -97,7 +97,9 @@ pub(super) fn moving(
         add("error/dot_mm/measured", &Scalars::single(error.before.mean))?;
         add("error/dot_mm/corrected", &Scalars::single(error.after.mean))?;
     }
-    add("error/reprojection_px", &Scalars::single(record.reprojection_px.rms))?;
+    if let Some(error) = record.reprojection_px {
+        add("error/reprojection_px", &Scalars::single(error.rms))?;
+    }
     Ok(chunks)
 }
 

@@ -1,16 +1,19 @@
 //! The start of a depth camera without images.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 
+use crate::adjust::blocks::is_depth_only;
 use crate::adjust::smoothness_prior::Smoothness;
+use crate::adjust::state::CameraState;
 use crate::calibrate::{AUTO, CalibratedCamera, CameraOptions, image_blocks, lens_named, prepare_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
-use crate::observe::{CameraFrames, DetectedFrame, MarkerObservation, PosedFrame};
+use crate::observe::projected_markers::NOT_SHOWN;
+use crate::observe::{CameraFrames, DetectedFrame, DroppedFrame, MarkerObservation, PosedFrame};
 use depthcal_model::Camera;
 use depthcal_model::hook::HookKind;
 use nalgebra::Isometry3;
 use tracing::info;
+use tracing::subscriber::{NoSubscriber, with_default};
 
 use super::known_extrinsics::take_known;
 use crate::calibrate::CalibrateError;
@@ -104,8 +107,12 @@ pub fn start_depth_camera(
         .map(|((frame, _), _)| frame.name.as_str())
         .chain(several.iter().copied())
         .collect();
-    let prepared = sampled(&common, &start, &place.camera_from_rig, rig_from_board, &agreeing, options)
-        .map_err(CalibrateError::of_camera(&camera.name))?;
+    let roughly_placed = common.subset(|_, frame| agreeing.contains(&frame.name.as_str()));
+    // All frames are sampled again once the camera is adjusted: what seems wrong with one at a rough place is not said.
+    let prepared = with_default(NoSubscriber::new(), || {
+        sampled(&roughly_placed, &start, &place.camera_from_rig, rig_from_board, options)
+    })
+    .map_err(CalibrateError::of_camera(&camera.name))?;
     Ok(DepthStart { prepared, camera_from_rig: place.camera_from_rig, is_declared: camera.declared.is_some() })
 }
 
@@ -120,18 +127,35 @@ fn frames_of_several_boards(capture: &CameraFrames) -> BTreeSet<&str> {
     capture.frames.iter().filter(|frame| boards[&of_image(frame)] > 1).map(|frame| frame.name.as_str()).collect()
 }
 
-/// Samples the depth of the frames whose planes agree, within the board as the other cameras see it.
+/// Samples the depth of all frames anew, as seen by a camera that was adjusted from its start: which frames agree with a rough place
+/// says little of them.
+///
+/// # Errors
+///
+/// [`CalibrateError::Camera`] where no depth lies on the boards.
+pub fn resample_depth_camera(
+    camera: &CameraCapture,
+    adjusted: &CameraState,
+    rig_from_board: &BTreeMap<&str, Isometry3<f64>>,
+    options: &CameraOptions,
+) -> Result<CalibratedCamera, CalibrateError> {
+    let of_image = adjusted.camera.filtered(|block| !is_depth_only(block));
+    let prepared = sampled(&camera.capture, &of_image, &adjusted.camera_from_rig, rig_from_board, options)
+        .map_err(CalibrateError::of_camera(&camera.name))?;
+    Ok(CalibratedCamera { camera: adjusted.camera.clone(), ..prepared })
+}
+
+/// Samples the depth of frames within the board as the other cameras see it.
 fn sampled(
     capture: &CameraFrames,
     camera: &Camera,
     camera_from_rig: &Isometry3<f64>,
     rig_from_board: &BTreeMap<&str, Isometry3<f64>>,
-    agreeing: &[&str],
     options: &CameraOptions,
-) -> Result<CalibratedCamera, crate::calibrate::CalibrateError> {
+) -> Result<CalibratedCamera, CalibrateError> {
     // The region that is sampled is that of the frame's markers: here the whole board.
     let whole = |index: usize| MarkerObservation { index, pixel: [f64::NAN; 2], std_px: 1.0 };
-    let posed = capture.frames.iter().filter(|f| agreeing.contains(&f.name.as_str())).filter_map(|frame| {
+    let posed = capture.frames.iter().filter_map(|frame| {
         let pose = rig_from_board.get(frame.name.as_str())?;
         let mut detected = frame.clone();
         detected.markers = capture.target.points_of(frame.board).into_iter().map(|(index, _)| whole(index)).collect();
@@ -166,6 +190,17 @@ fn sampled(
     for frame in &mut prepared.capture.frames {
         frame.posed.detected.markers.clear();
     }
-    prepared.capture.frames.retain(|frame| !Arc::clone(&frame.samples).is_empty());
+    prepared.capture.frames.retain(|frame| !frame.samples.is_empty());
+    for frame in &capture.frames {
+        let is_known = prepared.capture.frames.iter().any(|known| known.name == frame.name)
+            || prepared.capture.dropped.iter().any(|known| known.name == frame.name);
+        if !is_known {
+            let reason = match rig_from_board.contains_key(frame.name.as_str()) {
+                true => "no depth was measured where other cameras see the board",
+                false => NOT_SHOWN,
+            };
+            prepared.capture.dropped.push(DroppedFrame { name: frame.name.clone(), reason: reason.to_owned() });
+        }
+    }
     Ok(prepared)
 }

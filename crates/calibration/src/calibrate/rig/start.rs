@@ -10,7 +10,7 @@ use nalgebra::Isometry3;
 use tracing::warn;
 
 use super::depth_camera_prior::priors_of;
-use super::depth_camera_start::{DepthStart, start_depth_camera};
+use super::depth_camera_start::{DepthStart, resample_depth_camera, start_depth_camera};
 use super::known_extrinsics::take_known;
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::state::{CameraState, ParameterPrior, RigFrame, State};
@@ -86,7 +86,7 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
         if offsets_are_known {
             Adjustment::of_state(&state, true)?.solve_within(ROUGHLY)?.give(&mut state);
         }
-        let poses = state.frames.iter().map(|f| (f.name.as_str(), f.rig_from_board)).collect();
+        let poses = poses_by_name(&state.frames);
         for camera in capture.cameras.iter().filter(|camera| !camera.has_markers()) {
             let DepthStart { prepared, camera_from_rig, is_declared } =
                 start_depth_camera(camera, &poses, &options.of(camera)?)?;
@@ -98,7 +98,8 @@ pub(in crate::calibrate) fn start(capture: &Capture, options: &CalibrateOptions)
         of_cameras.sort_by_key(|start| capture.cameras.iter().position(|camera| camera.name == start.camera.name));
         state = state_of(&of_cameras, state.frames, options)?;
         if offsets_are_known {
-            adjust_lenses_in_part(&mut state, &of_cameras)?;
+            adjust_in_part(&mut state, &of_cameras)?;
+            resample(&mut state, &mut of_cameras, options)?;
         }
     }
     drop_frames_without_motion(&mut state)?;
@@ -113,13 +114,11 @@ const ROUGHLY: f64 = 1e-3;
 /// Coefficients of an assumed lens that are free in the first adjustments.
 const FIRST_COEFFICIENTS: [usize; 2] = [0, 1];
 
-/// Adjusts the rig with the lenses that cameras without images are assumed to have held, but for their first coefficients. Before
-/// place and focal length are right, a whole lens takes their errors up, and may fold at a pixel, from which no step leads back.
-fn adjust_lenses_in_part(state: &mut State, starts: &[Start<'_>]) -> Result<(), CalibrateError> {
+/// Adjusts the rig roughly, with the lenses that cameras without images are assumed to have held, but for their first coefficients.
+/// Before place and focal length are right, a whole lens takes their errors up, and may fold at a pixel, from which no step leads
+/// back.
+fn adjust_in_part(state: &mut State, starts: &[Start<'_>]) -> Result<(), CalibrateError> {
     let is_assumed = |start: &Start<'_>| !start.camera.has_markers() && !start.is_declared;
-    if !starts.iter().any(is_assumed) {
-        return Ok(());
-    }
     let cameras: Vec<Camera> = starts.iter().map(|start| start.prepared.camera.clone()).collect();
     for count in FIRST_COEFFICIENTS.map(Some).into_iter().chain([None]) {
         for ((camera, whole), _) in state.cameras.iter_mut().zip(&cameras).zip(starts).filter(|(_, s)| is_assumed(s)) {
@@ -139,6 +138,23 @@ fn adjust_lenses_in_part(state: &mut State, starts: &[Start<'_>]) -> Result<(), 
     Ok(())
 }
 
+/// Samples the depth of cameras without images anew, where they were adjusted to be.
+fn resample(state: &mut State, starts: &mut [Start<'_>], options: &CalibrateOptions) -> Result<(), CalibrateError> {
+    let State { frames, cameras } = state;
+    let poses = poses_by_name(frames);
+    for (camera, start) in cameras.iter_mut().zip(starts).filter(|(_, start)| !start.camera.has_markers()) {
+        start.prepared = resample_depth_camera(start.camera, camera, &poses, &options.of(start.camera)?)?;
+        start.camera_from_rig = camera.camera_from_rig;
+        *camera = camera_state(start, frames, options)?;
+    }
+    state.place_boards();
+    Ok(())
+}
+
+fn poses_by_name(frames: &[RigFrame]) -> BTreeMap<&str, Isometry3<f64>> {
+    frames.iter().map(|frame| (frame.name.as_str(), frame.rig_from_board)).collect()
+}
+
 /// A camera before the adjustment of the rig.
 struct Start<'a> {
     camera: &'a CameraCapture,
@@ -155,28 +171,34 @@ struct Start<'a> {
 
 /// The rig of some cameras, whose frames are among `frames`: the union of the cameras'.
 fn state_of(starts: &[Start<'_>], frames: Vec<RigFrame>, options: &CalibrateOptions) -> Result<State, CalibrateError> {
-    let number: BTreeMap<&str, usize> = frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
-    let mut cameras = Vec::new();
-    for Start { camera, prepared, camera_from_rig, priors, offset_s, .. } in starts {
-        let of_frame = |f: &SampledFrame| number.get(f.name.as_str()).copied();
-        cameras.push(CameraState {
-            name: camera.name.clone(),
-            camera: prepared.camera.clone(),
-            camera_from_rig: *camera_from_rig,
-            is_placed: camera.camera_from_rig.is_some(),
-            drift: None,
-            offset_s: *offset_s,
-            noise: prepared.noise,
-            smoothness: prepared.smoothness.clone(),
-            capture: prepared.capture.clone(),
-            frames: prepared.capture.frames.iter().filter_map(of_frame).collect(),
-            correlation_length_px: prepared.correlation_length_px,
-            outliers: prepared.outliers,
-            priors: priors.clone(),
-            prior: options.of(camera)?.prior,
-        });
-    }
+    let cameras = starts.iter().map(|start| camera_state(start, &frames, options)).collect::<Result<_, _>>()?;
     Ok(State { frames, cameras })
+}
+
+fn camera_state(
+    start: &Start<'_>,
+    frames: &[RigFrame],
+    options: &CalibrateOptions,
+) -> Result<CameraState, CalibrateError> {
+    let Start { camera, prepared, camera_from_rig, priors, offset_s, .. } = start;
+    let number: BTreeMap<&str, usize> = frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
+    let of_frame = |f: &SampledFrame| number.get(f.name.as_str()).copied();
+    Ok(CameraState {
+        name: camera.name.clone(),
+        camera: prepared.camera.clone(),
+        camera_from_rig: *camera_from_rig,
+        is_placed: camera.camera_from_rig.is_some(),
+        drift: None,
+        offset_s: *offset_s,
+        noise: prepared.noise,
+        smoothness: prepared.smoothness.clone(),
+        capture: prepared.capture.clone(),
+        frames: prepared.capture.frames.iter().filter_map(of_frame).collect(),
+        correlation_length_px: prepared.correlation_length_px,
+        outliers: prepared.outliers,
+        priors: priors.clone(),
+        prior: options.of(camera)?.prior,
+    })
 }
 
 /// Whether the time offset of a camera is to be estimated.

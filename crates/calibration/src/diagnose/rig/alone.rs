@@ -4,16 +4,14 @@ use std::collections::BTreeMap;
 
 use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::CameraOptions;
-use crate::observe::{CameraFrames, DetectedFrame, MarkerObservation};
-use depthcal_model::{Block, Camera, Target};
-use nalgebra::{Isometry3, Point3};
+use crate::observe::CameraFrames;
+use crate::observe::projected_markers::with_projected_markers;
+use depthcal_model::{Block, Camera};
+use nalgebra::Isometry3;
 
 use crate::calibrate::{CalibrateOptions, Calibrated, CameraFit};
 use crate::diagnose::DiagnoseError;
 use crate::observe::CameraCapture;
-
-/// Markers from which on a frame has a pose.
-const FEWEST: usize = 8;
 
 /// The frames of a camera that the rig's calibration used. Those of a camera without images have markers where the rig's poses
 /// put them in its image ([`with_projected_markers`]).
@@ -47,36 +45,6 @@ pub fn examined(
         calibrate.camera = Some(held);
     }
     Ok(Some((alone(capture, fit, rig), calibrate)))
-}
-
-/// A capture with markers where the board's poses in the camera, by the frames' names, put them in the image. Frames whose board
-/// lies outside the image, or that have no pose, are left out.
-fn with_projected_markers(
-    capture: &CameraFrames,
-    camera: &Camera,
-    camera_from_board: &BTreeMap<&str, Isometry3<f64>>,
-) -> CameraFrames {
-    let frame = |frame: &DetectedFrame| {
-        let pose = camera_from_board.get(frame.name.as_str())?;
-        let markers = projected(camera, pose, &capture.target, frame.board);
-        (markers.len() >= FEWEST).then(|| DetectedFrame { markers, ..frame.clone() })
-    };
-    capture.with_frames(capture.frames.iter().filter_map(frame).collect())
-}
-
-fn projected(
-    camera: &Camera,
-    camera_from_board: &Isometry3<f64>,
-    target: &Target,
-    board: usize,
-) -> Vec<MarkerObservation> {
-    let marker = |(index, nominal): (usize, [f64; 2])| {
-        let pixel = camera.project(&(camera_from_board * Point3::from(camera.board_point(nominal))).coords)?;
-        let (width, height) = (camera.width as f64, camera.height as f64);
-        let inside = pixel[0] >= 0.0 && pixel[1] >= 0.0 && pixel[0] <= width - 1.0 && pixel[1] <= height - 1.0;
-        inside.then_some(MarkerObservation { index, pixel, std_px: 1.0 })
-    };
-    target.points_of(board).into_iter().filter_map(marker).collect()
 }
 
 /// Pinhole and lens of a camera, held: what projected markers cannot tell again.

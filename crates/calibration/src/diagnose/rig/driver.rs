@@ -13,7 +13,7 @@ use crate::calibrate::{CalibrateOptions, Calibrated, CameraOptions, EffectOf, ch
 use crate::diagnose::capture_diagnosis::{CameraInRig, DiagnosedCamera, Diagnosis, RigDiagnosis, worst};
 use crate::diagnose::closed_loop::diagnose_camera;
 use crate::diagnose::{DiagnoseError, DiagnoseOptions};
-use crate::judge::evaluate::{evaluate, evaluate_fitted};
+use crate::judge::evaluate::{evaluate, evaluate_fitted, placed_by_others};
 use crate::observe::{CameraCapture, CameraFrames, Capture, PlaceDrift};
 
 /// Most examinations of a camera with images: the second is given what others show of the board.
@@ -47,7 +47,7 @@ pub fn diagnose_rig(
         info!("{}: the others are adjusted jointly, to place the board in it", depth_only.name);
         let rig = fit(capture, &given_board.calibrate)?;
         for camera in capture.cameras.iter().filter(lacks_images) {
-            cameras.push(with_board(in_rig(capture, camera, &rig, &given_board)?, of_board.clone()));
+            cameras.push(with_board(in_rig((capture, verify), camera, &rig, &given_board)?, of_board.clone()));
         }
         cameras.sort_by_key(|diagnosed| capture.cameras.iter().position(|camera| camera.name == diagnosed.name));
     }
@@ -174,7 +174,7 @@ fn with_frame_planes(model: &CalibrateOptions, frame_planes: bool) -> CalibrateO
 
 /// Effects of a camera without images that the joint adjustment shows, one after the other; then the loop given these.
 fn in_rig(
-    capture: &Capture,
+    (capture, verify): (&Capture, Option<&Capture>),
     camera: &CameraCapture,
     declared: &Calibrated,
     options: &DiagnoseOptions,
@@ -191,7 +191,7 @@ fn in_rig(
         before.push(effect);
         present = fit;
     }
-    let mut diagnosed = examine_in_rig(camera, &present, &options)?;
+    let mut diagnosed = examine_in_rig(camera, verify, &present, &options)?;
     if let Some(in_rig) = &mut diagnosed.in_rig {
         in_rig.effects.splice(0..0, before.iter().map(|effect| effect.spec.clone()));
         in_rig.before = before;
@@ -228,16 +228,17 @@ fn with_board(mut diagnosed: DiagnosedCamera, given: Vec<PieceSpec>) -> Diagnose
 /// The loop on a camera without images, whose board is where the rig has it.
 fn examine_in_rig(
     camera: &CameraCapture,
+    verify: Option<&Capture>,
     rig: &Calibrated,
     options: &DiagnoseOptions,
 ) -> Result<DiagnosedCamera, DiagnoseError> {
     let (frames, calibrate) = examined(camera, rig, &options.calibrate)?
         .ok_or_else(|| DiagnoseError::LacksCamera { camera: camera.name.clone() })?;
-    // Projected markers are exact: of effects that images show they say nothing. In another dataset the camera has no poses: its
-    // frames are cross-validated.
+    // Projected markers are exact: of effects that images show they say nothing.
     let (of_depth, register) = (of_depth_alone(&calibrate), calibrate.register.clone());
     let calibrate = CameraOptions { register: of_depth, ..calibrate };
-    let mut diagnosed = looped(&camera.name, &frames, None, calibrate, (&register, options))?;
+    let verify = verify.and_then(|verify| placed_by_others(&rig.placed(), verify, &camera.name));
+    let mut diagnosed = looped(&camera.name, &frames, verify.as_ref(), calibrate, (&register, options))?;
     if let Some(in_rig) = &mut diagnosed.in_rig {
         in_rig.poses_from_others = true;
     }

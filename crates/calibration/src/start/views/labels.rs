@@ -218,7 +218,7 @@ mod tests {
             let markers =
                 (0..target.len()).map(|index| MarkerObservation { index, pixel: [index as f64, 0.0], std_px: 1.0 });
             let detected =
-                DetectedFrame { raw: RawFrame::default(), markers: markers.collect(), wrong_markers: Vec::new() };
+                DetectedFrame { raw: RawFrame::default(), markers: markers.collect(), ..DetectedFrame::default() };
             PosedFrame { detected, camera_from_board }
         };
         let firsts: Vec<PosedFrame> = (0..9).map(|i| frame(pose(i))).collect();
