@@ -7,8 +7,8 @@ const HEIGHT: Constant = Constant::new("height_mm", "height", "mm", 0.0).of_boar
 
 /// The board is bent: a quadratic height over its own plane, of which bxy is the twist. The pose takes up any plane part.
 ///
-/// It bends about the middle of its markers: a sheet that bends keeps the distances along its surface, which the coordinates in its
-/// plane have but for terms of second order in the slope; these are least over the plane that touches it in the middle.
+/// It bends about the middle of its markers: a sheet that bends keeps the distances along its surface, which the coordinates in
+/// its plane have but for terms of second order in the slope; these are least over the plane that touches it in the middle.
 #[derive(Debug, Clone, Copy)]
 pub struct BoardBow {
     /// The middle, mm.

@@ -127,8 +127,8 @@ fn frames_of_several_boards(capture: &CameraFrames) -> BTreeSet<&str> {
     capture.frames.iter().filter(|frame| boards[&of_image(frame)] > 1).map(|frame| frame.name.as_str()).collect()
 }
 
-/// Samples the depth of all frames anew, as seen by a camera that was adjusted from its start: which frames agree with a rough place
-/// says little of them.
+/// Samples the depth of all frames anew, as seen by a camera that was adjusted from its start: which frames agree with a rough
+/// place says little of them.
 ///
 /// # Errors
 ///

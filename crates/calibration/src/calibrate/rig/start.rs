@@ -114,9 +114,9 @@ const ROUGHLY: f64 = 1e-3;
 /// Coefficients of an assumed lens that are free in the first adjustments.
 const FIRST_COEFFICIENTS: [usize; 2] = [0, 1];
 
-/// Adjusts the rig roughly, with the lenses that cameras without images are assumed to have held, but for their first coefficients.
-/// Before place and focal length are right, a whole lens takes their errors up, and may fold at a pixel, from which no step leads
-/// back.
+/// Adjusts the rig roughly, with the lenses that cameras without images are assumed to have held, but for their first
+/// coefficients. Before place and focal length are right, a whole lens takes their errors up, and may fold at a pixel, from which
+/// no step leads back.
 fn adjust_in_part(state: &mut State, starts: &[Start<'_>]) -> Result<(), CalibrateError> {
     let is_assumed = |start: &Start<'_>| !start.camera.has_markers() && !start.is_declared;
     let cameras: Vec<Camera> = starts.iter().map(|start| start.prepared.camera.clone()).collect();
