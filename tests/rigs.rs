@@ -40,7 +40,14 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
     let (file, check) = (folder.arg("result/calibration.json"), folder.arg("check"));
     succeeds(["evaluate", &file, &rig, "--out", &check]);
     let again = Evaluation::read(folder.path("check/evaluation.json")).unwrap();
-    assert_eq!(again.datasets.iter().map(|d| d.name.as_str()).collect::<Vec<_>>(), ["rig/infrared", "rig/colour"]);
+    let names: Vec<&str> = again.datasets.iter().map(|d| d.name.as_str()).collect();
+    assert_eq!(names, ["rig/infrared", "rig/colour", "rig/depth"]);
+    let [_, colour, depth] = &again.datasets[..] else { panic!("{names:?}") };
+    assert!(colour.reprojection_px.is_some() && colour.depth_rms_mm.is_none(), "{colour:?}");
+    assert!(
+        depth.reprojection_px.is_none() && depth.depth_rms_mm.is_some_and(|rms| rms.after < rms.before),
+        "{depth:?}"
+    );
 
     let out = folder.arg("registered");
     succeeds(["apply", &file, &rig, "--register", "colour", "--cloud", "--out", &out]);
