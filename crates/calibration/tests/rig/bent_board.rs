@@ -38,7 +38,9 @@ fn a_camera_without_images_has_the_board_of_the_others() {
         let depth = last.camera("depth").expect("the camera");
         let (fitted, place) = (&depth.calibrated.camera, depth.camera_from_rig.translation);
         let of_infrared = &last.cameras[0].calibrated.camera;
-        let bow = |camera: &depthcal_model::Camera| camera.block("board_bow").map(|block| block.theta.clone());
+        let bow = |camera: &depthcal_model::Camera| {
+            camera.block("board_bow").map(|b| (b.theta.clone(), b.constants_in_words()))
+        };
         assert!(bow(fitted).is_some() && bow(fitted) == bow(of_infrared), "there is one board");
         assert_eq!(depth.calibrated.capture.frames.len(), 20, "seed {seed}: frames were dropped");
         let std_devs = depth.place_std_dev.expect("a place that is fitted");

@@ -45,3 +45,24 @@ impl Piece<Board, 3> for BoardBow {
         vec![(WIDTH.name, 2.0 * x), (HEIGHT.name, 2.0 * y)]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Height and slopes are zero in the middle of the board, and about the origin in files that do not have its size.
+    #[test]
+    fn it_touches_its_plane_in_the_middle() {
+        let height = |bow: BoardBow, x: f64, y: f64| bow.map([x, y, 0.0], [2e-4, 1e-4, 3e-4], &Context::default())[2];
+        let sized = Options::from([("width_mm".to_owned(), 120.0), ("height_mm".to_owned(), 170.0)]);
+        for (options, [x, y]) in [(sized, [60.0, 85.0]), (Options::new(), [0.0, 0.0])] {
+            let bow = BoardBow::with_options(&options);
+            assert_eq!(height(bow, x, y), 0.0);
+            for (dx, dy) in [(1.0, 0.0), (0.0, 1.0), (1.0, -1.0)] {
+                assert_eq!(height(bow, x + dx, y + dy), height(bow, x - dx, y - dy), "{options:?}");
+            }
+            let written = bow.options().into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+            assert_eq!(BoardBow::with_options(&written).middle_mm, bow.middle_mm);
+        }
+    }
+}

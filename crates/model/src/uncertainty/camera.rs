@@ -69,3 +69,16 @@ impl UncertainCamera {
         self.directions.iter().map(along).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_whose_parameters_are_all_held_is_exact() {
+        let camera = Camera::new(640, 480, [500.0, 500.0, 319.5, 239.5, 0.0], vec![]);
+        let held = UncertainCamera::new(camera.clone(), &[], &DMatrix::zeros(0, 0));
+        assert!(held.is_exact() && held.changed().is_empty());
+        assert!(!UncertainCamera::new(camera, &[0], &DMatrix::identity(1, 1)).is_exact());
+    }
+}

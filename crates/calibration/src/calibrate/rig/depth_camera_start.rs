@@ -107,8 +107,13 @@ pub fn start_depth_camera(
         .map(|((frame, _), _)| frame.name.as_str())
         .chain(several.iter().copied())
         .collect();
-    let roughly_placed = common.subset(|_, frame| agreeing.contains(&frame.name.as_str()));
-    // All frames are sampled again once the camera is adjusted: what seems wrong with one at a rough place is not said.
+    let mut roughly_placed = common.subset(|_, frame| agreeing.contains(&frame.name.as_str()));
+    for frame in common.frames.iter().filter(|frame| !agreeing.contains(&frame.name.as_str())) {
+        let reason = "its depth shows no plane where other cameras see the board".to_owned();
+        roughly_placed.dropped.push(DroppedFrame { name: frame.name.clone(), reason });
+    }
+    // Without time offsets all frames are sampled again once the camera is adjusted. At a rough place nothing is said of frames;
+    // those that stay dropped are listed.
     let prepared = with_default(NoSubscriber::new(), || {
         sampled(&roughly_placed, &start, &place.camera_from_rig, rig_from_board, options)
     })

@@ -120,7 +120,9 @@ const FIRST_COEFFICIENTS: [usize; 2] = [0, 1];
 fn adjust_in_part(state: &mut State, starts: &[Start<'_>]) -> Result<(), CalibrateError> {
     let is_assumed = |start: &Start<'_>| !start.camera.has_markers() && !start.is_declared;
     let cameras: Vec<Camera> = starts.iter().map(|start| start.prepared.camera.clone()).collect();
-    for count in FIRST_COEFFICIENTS.map(Some).into_iter().chain([None]) {
+    // Without such a lens there is nothing to free step by step.
+    let steps = if starts.iter().any(is_assumed) { FIRST_COEFFICIENTS.len() } else { 1 };
+    for count in FIRST_COEFFICIENTS.into_iter().take(steps).map(Some).chain([None]) {
         for ((camera, whole), _) in state.cameras.iter_mut().zip(&cameras).zip(starts).filter(|(_, s)| is_assumed(s)) {
             let mut free = whole.blocks().iter().map(|block| block.free.clone());
             camera.camera = camera.camera.map_blocks(|mut block| {
@@ -141,11 +143,11 @@ fn adjust_in_part(state: &mut State, starts: &[Start<'_>]) -> Result<(), Calibra
 /// Samples the depth of cameras without images anew, where they were adjusted to be.
 fn resample(state: &mut State, starts: &mut [Start<'_>], options: &CalibrateOptions) -> Result<(), CalibrateError> {
     let State { frames, cameras } = state;
-    let poses = poses_by_name(frames);
+    let (poses, numbers) = (poses_by_name(frames), numbers_by_name(frames));
     for (camera, start) in cameras.iter_mut().zip(starts).filter(|(_, start)| !start.camera.has_markers()) {
         start.prepared = resample_depth_camera(start.camera, camera, &poses, &options.of(start.camera)?)?;
         start.camera_from_rig = camera.camera_from_rig;
-        *camera = camera_state(start, frames, options)?;
+        *camera = camera_state(start, &numbers, options)?;
     }
     state.place_boards();
     Ok(())
@@ -153,6 +155,10 @@ fn resample(state: &mut State, starts: &mut [Start<'_>], options: &CalibrateOpti
 
 fn poses_by_name(frames: &[RigFrame]) -> BTreeMap<&str, Isometry3<f64>> {
     frames.iter().map(|frame| (frame.name.as_str(), frame.rig_from_board)).collect()
+}
+
+fn numbers_by_name(frames: &[RigFrame]) -> BTreeMap<&str, usize> {
+    frames.iter().enumerate().map(|(i, frame)| (frame.name.as_str(), i)).collect()
 }
 
 /// A camera before the adjustment of the rig.
@@ -171,18 +177,18 @@ struct Start<'a> {
 
 /// The rig of some cameras, whose frames are among `frames`: the union of the cameras'.
 fn state_of(starts: &[Start<'_>], frames: Vec<RigFrame>, options: &CalibrateOptions) -> Result<State, CalibrateError> {
-    let cameras = starts.iter().map(|start| camera_state(start, &frames, options)).collect::<Result<_, _>>()?;
+    let numbers = numbers_by_name(&frames);
+    let cameras = starts.iter().map(|start| camera_state(start, &numbers, options)).collect::<Result<_, _>>()?;
     Ok(State { frames, cameras })
 }
 
 fn camera_state(
     start: &Start<'_>,
-    frames: &[RigFrame],
+    numbers: &BTreeMap<&str, usize>,
     options: &CalibrateOptions,
 ) -> Result<CameraState, CalibrateError> {
     let Start { camera, prepared, camera_from_rig, priors, offset_s, .. } = start;
-    let number: BTreeMap<&str, usize> = frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
-    let of_frame = |f: &SampledFrame| number.get(f.name.as_str()).copied();
+    let of_frame = |f: &SampledFrame| numbers.get(f.name.as_str()).copied();
     Ok(CameraState {
         name: camera.name.clone(),
         camera: prepared.camera.clone(),
