@@ -142,7 +142,7 @@ impl Calibrate {
             }
         }
         self.recording.check()?;
-        self.output.check()?;
+        self.output.prepare()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         for GivenPrior { name, prior, .. } in request.priors.iter().filter(|given| !given.prior.with.is_empty()) {
             say!("the units of {name} have these effects in their models: --with {}", prior.with.join(","));

@@ -80,7 +80,7 @@ impl Compare {
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let models = self.models.iter().map(|m| session.model("--models", m)).collect::<Result<Vec<_>, _>>()?;
-        self.output.check()?;
+        self.output.prepare()?;
         let request = CompareRequest {
             model: ModelRequest {
                 names: OptionNames::COMMAND_LINE,

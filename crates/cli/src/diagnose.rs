@@ -57,7 +57,7 @@ impl Diagnose {
             self.recording.refuse_for_rig()?;
         }
         self.recording.check()?;
-        self.output.check()?;
+        self.output.prepare()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;
         let diagnosed = request.diagnose(&loaded, verify.as_deref(), session.calibrate_options())?;

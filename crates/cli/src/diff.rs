@@ -40,7 +40,7 @@ pub(super) struct Diff {
 
 impl Diff {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        self.output.check()?;
+        self.output.prepare()?;
         let side = |path: &PathBuf| -> Result<DiffSide, Failure> {
             let given = GivenCamera::read(path)?;
             Ok(DiffSide { name: path.display().to_string(), given, register: session.register.clone() })

@@ -74,7 +74,7 @@ impl Evaluate {
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         self.recording.check()?;
-        self.output.check()?;
+        self.output.prepare()?;
         let given = GivenCamera::read(&self.calibration)?;
         let title = self.calibration.display().to_string();
         Calibration::check_no_other_in(&self.output.out, given.record(), &title).map_err(input)?;

@@ -49,7 +49,7 @@ impl Fleet {
         if !(self.level > 0.0 && self.level < 1.0) {
             return Err(Failure::Input(format!("--level {}: must be a number between 0 and 1", self.level)));
         }
-        self.output.check()?;
+        self.output.prepare()?;
         let stage = session.progress.stage("joining units");
         let (units, left_out) = read_units(&self.calibrations, &session.register)?;
         let joined = join(units, left_out, &FleetOptions { level: self.level })?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use depthcal_calibration::task::{Made, Results};
 use depthcal_io::{Displaced, check_writable};
-use depthcal_report::SavedResults;
+use depthcal_report::{SavedResults, prepare_pages};
 
 use super::common::Output;
 use super::failure::{Failure, input};
@@ -23,9 +23,11 @@ const TOLD: [&str; 7] = [
 ];
 
 impl Output {
-    /// Refuses a folder that cannot be written, before any work is done.
-    pub(super) fn check(&self) -> Result<(), Failure> {
-        check_writable(&self.out).map_err(input)
+    /// Refuses a folder that cannot be written, before any work is done; beside that, the report is prepared.
+    pub(super) fn prepare(&self) -> Result<(), Failure> {
+        check_writable(&self.out).map_err(input)?;
+        prepare_pages();
+        Ok(())
     }
 }
 

@@ -77,6 +77,7 @@ pub use fleet::{FleetResults, fleet_text};
 pub use formula_plot::formula_plot;
 pub use input::{Made, ReportCamera, ReportDataset, ReportDiagnosis, ReportError, ReportInput, ReportRig, Role};
 pub use next_captures::{goal_words, next_sentence, next_value};
+pub use page::prepare_pages;
 pub use prior::prior_sentences;
 pub use render::render;
 pub use results::{SaveError, SavedResults, report_of};

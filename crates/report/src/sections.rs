@@ -324,7 +324,7 @@ fn single_frames(page: &mut Content, list: Vec<Figure>) {
 }
 
 fn against(page: &mut Content, camera: &ReportCamera<'_>, image: &Image) {
-    let mut list: Vec<Figure> = all(camera, image).par_iter().filter_map(|c| figures::curve(camera, c)).collect();
+    let mut list = figures::curves(camera, &all(camera, image));
     let with_depth = !list.is_empty();
     list.extend(figures::image_trend(camera, image));
     if list.is_empty() {

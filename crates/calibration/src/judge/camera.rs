@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::depth_errors::{DepthErrors, PixelError};
 use crate::estimators::{MarkerPoint, marker_points};
-use crate::observe::board_pixels::{BoardPixel, board_area_px, board_pixels, key};
+use crate::observe::board_pixels::{BoardDepth, BoardPixel, board_area_px, board_pixels, key};
 use crate::observe::board_plane::BoardSurface;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
@@ -28,6 +28,9 @@ use crate::start::{FrameMarkers, PoseFit, StartError, estimate_pose, pose_doubt,
 const KEPT_PIXELS: usize = 200_000;
 /// … but of a frame at least and at most so many.
 const KEPT_OF_A_FRAME: [usize; 2] = [200, 4000];
+
+/// Board pixels that are corrected at a time: what they need of memory stays in a processor's cache.
+const CHUNK: usize = 1024;
 
 /// Errors of one frame.
 #[derive(Debug, Clone)]
@@ -234,15 +237,15 @@ impl<F: Sync> Evaluation<'_, F> {
         let reprojection = frame.observed_markers().iter().filter_map(|m| self.reprojection(m, &pose)).collect();
         let surface = self.rays.surface(&pose);
         let Judged { measured: all, corrected, outliers, outlier_limit_mm } = self.judged(frame, open, &surface, &pose);
-        let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, self.rays.camera(), target, &pose);
-        let before = points(&all);
+        let points = |depths: &[BoardDepth]| marker_points(frame, depths, self.rays.camera(), target, &pose);
+        let before = points(&all.iter().map(BoardDepth::from).collect::<Vec<_>>());
         let measured = all.len();
         let thinning = self.thinning.further(measured, self.kept_pixels);
         let mut depth = DepthErrors::default();
         let mut pixels = Vec::with_capacity(measured.min(self.kept_pixels + self.kept_pixels / 8));
         for (p, corrected) in all.iter().zip(&corrected) {
             let Some(c) = corrected else { continue };
-            let error = pixel_error(p, c, &surface);
+            let error = PixelError::of(p, c, &surface);
             depth.add(&error);
             if thinning.keeps(key(p.context.pixel)) {
                 let is_complete = self.rays.needs_surroundings() || open.image.is_none();
@@ -252,7 +255,7 @@ impl<F: Sync> Evaluation<'_, F> {
             }
         }
         drop(all);
-        let correctable: Vec<BoardPixel> = corrected.into_iter().flatten().collect();
+        let correctable: Vec<BoardDepth> = corrected.into_iter().flatten().collect();
         let pairs: Vec<(usize, [MarkerPoint; 2])> = before
             .into_iter()
             .zip(points(&correctable))
@@ -280,28 +283,37 @@ impl<F: Sync> Evaluation<'_, F> {
         }
     }
 
-    /// The pixels with their corrected depth; `None` where the camera cannot correct it.
-    fn corrected(&self, pixels: &[BoardPixel], surface: &BoardSurface<'_>) -> Vec<Option<BoardPixel>> {
+    /// The corrected depth of pixels; `None` where the camera cannot correct it.
+    fn corrected(&self, pixels: &[BoardPixel], surface: &BoardSurface<'_>) -> Vec<Option<BoardDepth>> {
         if PixelRays::has_pixel_pieces_of(self.camera) || self.rays.depend_on_depth() {
             return pixels.iter().map(|p| self.corrected_anew(p, surface)).collect();
         }
-        let contexts: Vec<_> = pixels.iter().map(|p| p.context).collect();
-        let rays: Vec<_> = pixels.iter().map(|p| p.ray).collect();
-        let cos_incidence: Vec<_> = pixels.iter().map(|p| p.cos_incidence).collect();
-        let measured: Vec<_> = pixels.iter().map(|p| 1.0 / p.depth_mm).collect();
-        let mut inverse_depths = vec![0.0; pixels.len()];
-        self.camera.true_inverse_depths(&contexts, &rays, &cos_incidence, &measured, &mut inverse_depths);
-        let corrected = pixels.iter().zip(inverse_depths);
-        corrected.map(|(p, rho)| (!rho.is_nan()).then_some(BoardPixel { depth_mm: 1.0 / rho, ..*p })).collect()
+        let mut corrected = Vec::with_capacity(pixels.len());
+        let mut inverse_depths = [0.0; CHUNK];
+        for chunk in pixels.chunks(CHUNK) {
+            let contexts: Vec<_> = chunk.iter().map(|p| p.context).collect();
+            let rays: Vec<_> = chunk.iter().map(|p| p.ray).collect();
+            let cos_incidence: Vec<_> = chunk.iter().map(|p| p.cos_incidence).collect();
+            let measured: Vec<_> = chunk.iter().map(|p| 1.0 / p.depth_mm).collect();
+            let inverse_depths = &mut inverse_depths[..chunk.len()];
+            self.camera.true_inverse_depths(&contexts, &rays, &cos_incidence, &measured, inverse_depths);
+            let of_chunk = chunk.iter().zip(&*inverse_depths);
+            corrected.extend(
+                of_chunk.map(|(p, rho)| {
+                    (!rho.is_nan()).then_some(BoardDepth { depth_mm: 1.0 / rho, ..BoardDepth::from(p) })
+                }),
+            );
+        }
+        corrected
     }
 
     /// A pixel whose ray is another after correction: the depth image is displaced, or the lens breathes.
-    fn corrected_anew(&self, p: &BoardPixel, surface: &BoardSurface<'_>) -> Option<BoardPixel> {
+    fn corrected_anew(&self, p: &BoardPixel, surface: &BoardSurface<'_>) -> Option<BoardDepth> {
         let near = Some(p.ray);
         let (ray, rho) = self.camera.correct_near(&p.context, p.cos_incidence, 1.0 / p.depth_mm, near).ok()?;
         let board_depth_mm = surface.depth(ray)?;
         let on_board = surface.plane().to_board(ray, board_depth_mm);
-        Some(BoardPixel { depth_mm: 1.0 / rho, board_depth_mm, board: [on_board.x, on_board.y], ray, ..*p })
+        Some(BoardDepth { depth_mm: 1.0 / rho, board_depth_mm, board: [on_board.x, on_board.y], ray })
     }
 }
 
@@ -310,22 +322,9 @@ struct Judged {
     /// As measured.
     measured: Vec<BoardPixel>,
     /// Each of them after correction; `None` where the camera cannot correct it.
-    corrected: Vec<Option<BoardPixel>>,
+    corrected: Vec<Option<BoardDepth>>,
     outliers: usize,
     outlier_limit_mm: Option<f64>,
-}
-
-fn pixel_error(measured: &BoardPixel, corrected: &BoardPixel, surface: &BoardSurface<'_>) -> PixelError {
-    PixelError {
-        context: measured.context,
-        board_depth_mm: measured.board_depth_mm,
-        board: measured.board,
-        cos_incidence: measured.cos_incidence,
-        before_mm: measured.depth_mm - measured.board_depth_mm,
-        after_mm: corrected.depth_mm - corrected.board_depth_mm,
-        height_before_mm: surface.height(measured.ray, measured.depth_mm),
-        height_after_mm: surface.height(corrected.ray, corrected.depth_mm),
-    }
 }
 
 /// Results of `take` for the errors of all board pixels of each frame, at the adjusted poses of `capture` instead of those that
@@ -348,7 +347,7 @@ where
         let errors = frame.posed().open().ok().map(|open| {
             let judged = evaluation.judged(frame.posed(), &open, &surface, pose);
             let pairs = judged.measured.iter().zip(&judged.corrected);
-            pairs.filter_map(|(p, c)| Some(pixel_error(p, c.as_ref()?, &surface))).collect()
+            pairs.filter_map(|(p, c)| Some(PixelError::of(p, c.as_ref()?, &surface))).collect()
         });
         take(errors.unwrap_or_default())
     };

@@ -3,6 +3,9 @@
 use depthcal_io::{BeforeAfter, MeanStd};
 use depthcal_model::Context;
 
+use crate::observe::board_pixels::{BoardDepth, BoardPixel};
+use crate::observe::board_plane::BoardSurface;
+
 /// A board pixel with its depth before and after correction.
 #[derive(Debug, Clone, Copy)]
 pub struct PixelError {
@@ -22,6 +25,22 @@ pub struct PixelError {
     pub height_before_mm: f64,
     /// Height of the corrected point over the board, mm.
     pub height_after_mm: f64,
+}
+
+impl PixelError {
+    /// Of a pixel as measured and as corrected, against the board's surface.
+    pub(super) fn of(measured: &BoardPixel, corrected: &BoardDepth, surface: &BoardSurface<'_>) -> Self {
+        Self {
+            context: measured.context,
+            board_depth_mm: measured.board_depth_mm,
+            board: measured.board,
+            cos_incidence: measured.cos_incidence,
+            before_mm: measured.depth_mm - measured.board_depth_mm,
+            after_mm: corrected.depth_mm - corrected.board_depth_mm,
+            height_before_mm: surface.height(measured.ray, measured.depth_mm),
+            height_after_mm: surface.height(corrected.ray, corrected.depth_mm),
+        }
+    }
 }
 
 /// Number of values, and the sums of their sizes and of their squares.

@@ -23,6 +23,11 @@ impl Error {
         Self { mean_square: product.trace(), variance: 2.0 * square.trace(), third: 8.0 * third }
     }
 
+    /// The mean alone: trace(C W) of symmetric matrices.
+    pub fn mean_square_of(covariance: &DMatrix<f64>, weight: &DMatrix<f64>) -> f64 {
+        covariance.dot(weight)
+    }
+
     /// The value that the root of the mean square is below with a probability of [`CERTAINTY`].
     pub fn certain(&self) -> f64 {
         let deviation = self.variance.sqrt();

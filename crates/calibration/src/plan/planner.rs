@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::error::Error;
 use super::goal::{Goal, GoalError};
 use super::pose::{BoardTilt, ImagePlace, ProposedFrame};
-use super::predicted::{pose_showing, predicted_frame};
+use super::predicted::{pose_showing, predicted_frame, seen_markers};
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::frame_information::Curvature;
 use crate::adjust::state::{RigFrame, State};
@@ -109,7 +109,7 @@ impl Planner {
         let conditions = conditions(&camera.capture);
         let depths = fitted_depths(&camera.capture);
         let range_mm = [0.01, 0.99].map(|q| quantile(depths.iter().copied(), q));
-        let candidates = grid(state, number, range_mm, &conditions);
+        let candidates = grid(state, number, range_mm);
         if candidates.is_empty() {
             return Err(PlanError::NoPose);
         }
@@ -162,7 +162,7 @@ impl Planner {
                 weight[(*row, *column)] = of_camera[(i, k)];
             }
         }
-        let of_fitted = inverse(self.fitted.clone()).ok_or(PlanError::Undetermined)?;
+        let of_fitted = inverse(&self.fitted).ok_or(PlanError::Undetermined)?;
         let of_fit = Error::of(&self.covariance, &weight).mean_square;
         let scale = of_fit / Error::of(&of_fitted, &weight).mean_square;
         Ok((weight, scale))
@@ -176,7 +176,6 @@ impl Planner {
     pub fn plan(&self, goal: &Goal, target: f64, count: usize) -> Result<Plan, PlanError> {
         let (weight, scale) = self.weight_and_scale(goal)?;
         let now = Error::of(&self.covariance, &weight);
-        let error = |precision: &DMatrix<f64>| inverse(precision.clone()).map(|c| Error::of(&(c * scale), &weight));
         let mut plan = Plan {
             now: now.mean_square.sqrt(),
             now_certain: now.certain(),
@@ -184,33 +183,51 @@ impl Planner {
             frames_needed: (now.certain() <= target).then_some(0),
             reachable: now.certain(),
         };
-        let (mut precision, mut last) = (self.fitted.clone(), now);
+        let (mut precision, mut last) = (self.fitted.clone(), now.mean_square);
+        let mut gains = vec![f64::INFINITY; self.poses.len()];
         for frames in 1..=MOST_FRAMES {
-            let with = |(number, (_, _, more)): (usize, &(_, _, DMatrix<f64>))| {
-                error(&(&precision + more)).map(|error| (number, error))
+            let gain = |number: usize| {
+                let with = inverse(&(&precision + &self.poses[number].2));
+                with.map_or(f64::NEG_INFINITY, |c| last - scale * Error::mean_square_of(&c, &weight))
             };
-            let best = self.poses.par_iter().enumerate().filter_map(with);
-            let least = |a: &(usize, Error), b: &(usize, Error)| {
-                a.1.mean_square.total_cmp(&b.1.mean_square).then(a.0.cmp(&b.0))
-            };
-            let Some((number, error)) = best.min_by(least) else { break };
-            precision += &self.poses[number].2;
-            let (frame, rig_from_board, _) = self.poses[number];
+            let Some(number) = largest(&mut gains, gain, plan.poses.len() < count) else { break };
+            let (frame, rig_from_board, more) = &self.poses[number];
+            precision += more;
+            let Some(covariance) = inverse(&precision) else { break };
+            let error = Error::of(&(covariance * scale), &weight);
             if plan.poses.len() < count {
-                plan.poses.push(Planned { frame, rig_from_board, expected: error.mean_square.sqrt() });
+                let expected = error.mean_square.sqrt();
+                plan.poses.push(Planned { frame: *frame, rig_from_board: *rig_from_board, expected });
             }
             plan.reachable = error.certain();
             if plan.frames_needed.is_none() && error.certain() <= target {
                 plan.frames_needed = Some(frames);
             }
-            let gain = 1.0 - (error.mean_square / last.mean_square).sqrt();
+            let gain = 1.0 - (error.mean_square / last).sqrt();
             let is_known = plan.frames_needed.is_some() || gain < WORTHWHILE;
             if is_known && plan.poses.len() >= count {
                 break;
             }
-            last = error;
+            last = error.mean_square;
         }
         Ok(plan)
+    }
+}
+
+/// The pose with the largest gain; `None` where none has a finite one. `gains` are those of earlier frames, at first infinite,
+/// and are brought up to date: of all poses where `exact`, else only of those that had more before than the best has now. Gains
+/// fall with every frame, so that the others have no more (the lazy greedy choice, Minoux 1978).
+fn largest(gains: &mut [f64], gain: impl Fn(usize) -> f64 + Sync, exact: bool) -> Option<usize> {
+    if exact {
+        gains.par_iter_mut().enumerate().for_each(|(number, of_pose)| *of_pose = gain(number));
+    }
+    let mut is_new = vec![exact; gains.len()];
+    loop {
+        let best = (0..gains.len()).rev().max_by(|a, b| gains[*a].total_cmp(&gains[*b]))?;
+        if is_new[best] {
+            return (gains[best] > f64::NEG_INFINITY).then_some(best);
+        }
+        (gains[best], is_new[best]) = (gain(best), true);
     }
 }
 
@@ -236,7 +253,7 @@ fn information_of_fitted(state: &State, rows: &[usize]) -> Result<Vec<DMatrix<f6
 }
 
 /// Inverse of a positive definite matrix whose diagonal has about one size.
-pub(super) fn inverse(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(super) fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scale: DVector<f64> = matrix.diagonal().map(|d| d.max(f64::MIN_POSITIVE).sqrt().recip());
     let scaled = DMatrix::from_fn(matrix.nrows(), matrix.nrows(), |i, k| matrix[(i, k)] * scale[i] * scale[k]);
     let inverse = scaled.cholesky()?.inverse();
@@ -265,33 +282,26 @@ fn conditions(capture: &CameraFrames<SampledFrame>) -> Context {
 }
 
 /// Poses over distance, place and tilt in which a camera sees the whole board.
-fn grid(
-    state: &State,
-    number: usize,
-    [near, far]: [f64; 2],
-    conditions: &Context,
-) -> Vec<(ProposedFrame, Isometry3<f64>)> {
+fn grid(state: &State, number: usize, [near, far]: [f64; 2]) -> Vec<(ProposedFrame, Isometry3<f64>)> {
     let placed = &state.cameras[number];
     let (camera, target) = (&placed.camera, &placed.capture.target);
     let size = [camera.width as f64, camera.height as f64];
     let far = FARTHER * far;
-    let mut list = Vec::new();
-    for step in 0..DISTANCES {
+    let views = (0..DISTANCES).flat_map(|step| {
         let t = step as f64 / (DISTANCES - 1) as f64;
         let distance_mm = near * (far / near).powf(t);
-        for (place, tilt) in ImagePlace::ALL.iter().flat_map(|place| BoardTilt::ALL.map(|tilt| (*place, tilt))) {
-            let shown = SHIFTS.iter().find_map(|shift| {
-                let pixel = [0, 1].map(|i| size[i] * (0.5 + shift * (place.position()[i] - 0.5)));
-                let pose = pose_showing(camera, target, distance_mm, pixel, tilt.angles_deg())?;
-                predicted_frame(camera, target, &pose, conditions).map(|_| pose)
-            });
-            if let Some(pose) = shown {
-                let frame = ProposedFrame { distance_mm, place, tilt, warmer_c: None };
-                list.push((frame, placed.camera_from_rig.inverse() * pose));
-            }
-        }
-    }
-    list
+        let views = ImagePlace::ALL.into_iter().flat_map(|place| BoardTilt::ALL.map(|tilt| (place, tilt)));
+        views.map(move |(place, tilt)| ProposedFrame { distance_mm, place, tilt, warmer_c: None })
+    });
+    let posed = |frame: ProposedFrame| {
+        let pose = SHIFTS.iter().find_map(|shift| {
+            let pixel = [0, 1].map(|i| size[i] * (0.5 + shift * (frame.place.position()[i] - 0.5)));
+            let pose = pose_showing(camera, target, frame.distance_mm, pixel, frame.tilt.angles_deg())?;
+            seen_markers(camera, target, &pose).map(|_| pose)
+        });
+        pose.map(|pose| (frame, placed.camera_from_rig.inverse() * pose))
+    };
+    views.collect::<Vec<_>>().into_par_iter().filter_map(posed).collect()
 }
 
 /// A state of the same cameras whose frames are those of the poses, as all cameras that see the whole board observe them; and for
@@ -314,13 +324,17 @@ fn predicted_state(state: &State, poses: &[Isometry3<f64>], conditions: &Context
         let target = camera.capture.target.clone();
         let region = BoardRegion::new(&target);
         let (mut frames, mut numbers) = (Vec::new(), Vec::new());
-        for (i, pose) in poses.iter().enumerate() {
+        let seen = poses.par_iter().map(|pose| {
             let in_camera = camera.camera_from_rig * pose;
-            let Some(mut seen) = predicted_frame(&camera.camera, &target, &in_camera, conditions) else { continue };
+            predicted_frame(&camera.camera, &target, &in_camera, conditions)
+        });
+        let seen: Vec<Option<SampledFrame>> = seen.collect();
+        for (i, seen) in seen.into_iter().enumerate() {
+            let Some(mut seen) = seen else { continue };
             if most == 0.0 {
                 seen.samples = Vec::new().into();
             } else {
-                let area = board_area_px(&camera.camera, &region, &in_camera) as f64;
+                let area = board_area_px(&camera.camera, &region, &seen.camera_from_board) as f64;
                 let count = (density * area).min(most);
                 weights[i] = count / (1.0 + count * correlated) / seen.samples.len().max(1) as f64;
             }

@@ -74,3 +74,14 @@ fn proposed_frames_are_worth_more_than_those_that_were_captured() {
     let [half, quarter] = [0.5, 0.25].map(needed);
     assert!(half >= 1 && quarter > half, "{half} and {quarter} frames");
 }
+
+/// Frames that are forecast lazily are as many as with every pose tried at every frame.
+#[test]
+fn the_lazy_forecast_is_that_of_all_poses() {
+    let planner = planner(&fitted(8));
+    let goal = planner.default_goal();
+    let target = 0.4 * planner.plan(&goal, 0.0, 1).unwrap().now_certain;
+    let [lazy, exact] = [1, 60].map(|count| planner.plan(&goal, target, count).unwrap());
+    let needed = lazy.frames_needed.unwrap();
+    assert!(needed > 3 && exact.frames_needed == Some(needed), "{needed} and {:?}", exact.frames_needed);
+}

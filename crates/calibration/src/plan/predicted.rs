@@ -27,6 +27,19 @@ pub fn pose_showing(
     Some(Isometry3::from_parts(Translation3::from(point - rotation * middle), rotation))
 }
 
+/// All markers of a board where a camera sees them in a pose; `None` where one leaves the image.
+pub fn seen_markers(camera: &Camera, target: &Target, pose: &Isometry3<f64>) -> Option<Vec<MarkerObservation>> {
+    let marker = |(index, point)| Some(MarkerObservation { index, pixel: seen_at(camera, pose, point)?, std_px: 1.0 });
+    target.points().into_iter().enumerate().map(marker).collect()
+}
+
+/// The pixel of a board point; `None` outside the image.
+fn seen_at(camera: &Camera, pose: &Isometry3<f64>, point: [f64; 2]) -> Option<[f64; 2]> {
+    let [right, bottom] = [camera.width, camera.height].map(|size| size as f64 - 1.0);
+    let [u, v] = camera.project(&(pose * Point3::from(camera.board_point(point))).coords)?;
+    (u > 0.0 && v > 0.0 && u < right && v < bottom).then_some([u, v])
+}
+
 /// Markers and depth samples that a camera predicts for a pose; `None` where a marker leaves the image.
 pub fn predicted_frame(
     camera: &Camera,
@@ -34,13 +47,7 @@ pub fn predicted_frame(
     pose: &Isometry3<f64>,
     context: &Context,
 ) -> Option<SampledFrame> {
-    let (w, h) = (camera.width as f64, camera.height as f64);
-    let inside = |p: &[f64; 2]| p[0] > 0.0 && p[1] > 0.0 && p[0] < w - 1.0 && p[1] < h - 1.0;
-    let pixel_of = |p: [f64; 2]| camera.project(&(pose * Point3::from(camera.board_point(p))).coords).filter(inside);
-    let mut markers = Vec::new();
-    for (index, point) in target.points().into_iter().enumerate() {
-        markers.push(MarkerObservation { index, pixel: pixel_of(point)?, std_px: 1.0 });
-    }
+    let markers = seen_markers(camera, target, pose)?;
     let hull = BoardRegion::new(target).hull().to_vec();
     let span = |i: usize| hull.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), p| (l.min(p[i]), u.max(p[i])));
     let (x, y) = (span(0), span(1));
@@ -50,7 +57,7 @@ pub fn predicted_frame(
     for i in 0..SAMPLES_PER_SIDE {
         for k in 0..SAMPLES_PER_SIDE {
             let board_seed = [coordinate(x, i), coordinate(y, k)];
-            let Some(pixel) = pixel_of(board_seed) else { continue };
+            let Some(pixel) = seen_at(camera, pose, board_seed) else { continue };
             let depth_mm = (pose * Point3::new(board_seed[0], board_seed[1], 0.0)).z;
             samples.push(DepthSample { context: Context { pixel, ..*context }, depth_mm, board_seed });
         }

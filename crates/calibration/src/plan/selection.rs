@@ -96,8 +96,9 @@ impl Planner {
     pub fn choose(&self, goal: &Goal, candidates: &[(usize, f64)], count: usize) -> Result<ChosenFrames, PlanError> {
         let (weight, scale) = self.weight_and_scale(goal)?;
         let n = weight.nrows();
-        let error =
-            |precision: &DMatrix<f64>| inverse(precision.clone()).map(|c| Error::of(&(c * scale), &weight).mean_square);
+        let error = |precision: &DMatrix<f64>| {
+            inverse(precision).map(|covariance| scale * Error::mean_square_of(&covariance, &weight))
+        };
         let mut precision = DMatrix::identity(n, n) * BEFORE;
         let of_frame = |(place, share): &(usize, f64)| &self.frames[*place] * *share;
         let all = candidates.iter().fold(precision.clone(), |sum, frame| sum + of_frame(frame));

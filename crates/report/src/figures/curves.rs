@@ -1,5 +1,6 @@
 //! Depth errors against what they may depend on.
 
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::figure::Figure;
@@ -34,12 +35,22 @@ pub(super) fn bins(cells: &[Cell], axis: &Axis, shift: f64, name: &str, colour: 
     })
 }
 
-/// Errors against one covariate; `None` where it is unknown or does not vary.
-pub(crate) fn curve(camera: &ReportCamera<'_>, covariate: &Covariate) -> Option<Figure> {
+/// Errors against each covariate that is known and varies.
+pub(crate) fn curves(camera: &ReportCamera<'_>, covariates: &[Covariate]) -> Vec<Figure> {
     let pool = tested_frames(camera);
+    let errors = [|p: &PixelError| p.before_mm, |p: &PixelError| p.after_mm];
+    let reach = |q: f64| errors.map(|error| quantile(pool.pixels().map(error), q));
+    let [low, high] = [0.01, 0.99].map(reach);
+    let (low, high) = (low[0].min(low[1]), high[0].max(high[1]));
+    let pad = 0.08 * (high - low).max(1e-6);
+    covariates.par_iter().filter_map(|c| curve(camera, &pool, c, [low - pad, high + pad])).collect()
+}
+
+/// Errors from `low` to `high` against one covariate; `None` where it is unknown or does not vary.
+fn curve(camera: &ReportCamera<'_>, pool: &Pool<'_>, covariate: &Covariate, [low, high]: [f64; 2]) -> Option<Figure> {
     let axis = Axis::over(pool.pixels().map(&covariate.value), BINS)?;
     let cells = |value: &dyn Fn(&PixelError) -> f64| {
-        Binned::new(&pool, BINS, |p| axis.bin((covariate.value)(p)), value, noise_mm(camera)).cells()
+        Binned::new(pool, BINS, |p| axis.bin((covariate.value)(p)), value, noise_mm(camera)).cells()
     };
     let (before, after) = (cells(&|p| p.before_mm), cells(&|p| p.after_mm));
     let n = pool.pixels().count();
@@ -59,10 +70,6 @@ pub(crate) fn curve(camera: &ReportCamera<'_>, covariate: &Covariate) -> Option<
             "marker": {"color": colour, "size": 3, "opacity": 0.28},
         })
     };
-    let reach = |value: &dyn Fn(&PixelError) -> f64, q: f64| quantile(pool.pixels().map(value), q);
-    let low = reach(&|p| p.before_mm, 0.01).min(reach(&|p| p.after_mm, 0.01));
-    let high = reach(&|p| p.before_mm, 0.99).max(reach(&|p| p.after_mm, 0.99));
-    let pad = 0.08 * (high - low).max(1e-6);
     let data = vec![
         cloud(&|p| p.before_mm, BEFORE),
         cloud(&|p| p.after_mm, AFTER),
@@ -71,7 +78,7 @@ pub(crate) fn curve(camera: &ReportCamera<'_>, covariate: &Covariate) -> Option<
     ];
     let layout = json!({
         "xaxis": {"title": {"text": format!("{} / {}", covariate.name, covariate.unit)}},
-        "yaxis": {"title": {"text": "depth error / mm"}, "range": [low - pad, high + pad], "zeroline": true},
+        "yaxis": {"title": {"text": "depth error / mm"}, "range": [low, high], "zeroline": true},
     });
     let spread = |cells: &[Cell]| {
         let extreme =

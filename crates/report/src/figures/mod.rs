@@ -33,7 +33,7 @@ pub(super) use comparison::{learning_curve, model_ranking};
 pub(super) use correction_maps::correction_maps;
 pub(super) use correlation::correlation;
 pub(super) use coverage::{coverage, distance_and_tilt};
-pub(super) use curves::{curve, image_trend};
+pub(super) use curves::{curves, image_trend};
 pub(super) use differences::{differences, differences_by_model};
 pub(super) use field::reprojection_field;
 pub(super) use figure::Figure;

@@ -58,7 +58,7 @@ use super::diagnosis::CameraDiagnosis;
 use super::error::DiagnoseError;
 use super::examination::Examination;
 use super::options::CameraDiagnoseOptions;
-use super::round::Round;
+use super::round::{Round, RoundOutcome};
 use crate::calibrate::check_declared_depth;
 use crate::observe::CameraFrames;
 
@@ -149,8 +149,7 @@ impl ClosedLoop<'_> {
             return Ok(Next::Examine);
         }
         match &decision {
-            Decision::Nothing if self.together(examination)? == Next::Examine => Ok(Next::Examine),
-            Decision::Nothing => Ok(self.state.apply(Event::Stopped(None))),
+            Decision::Nothing => self.stop(examination, None),
             Decision::Unexplained { free, explained, .. } => self.explain(examination, *free, *explained),
             Decision::Add { effect, jointly_with, indistinguishable, .. } => {
                 self.add(examination, Proposal { effect: *effect, jointly_with, indistinguishable })
@@ -160,10 +159,10 @@ impl ClosedLoop<'_> {
 
     /// Tries the effects of a proposal. Where they are accepted, frames are looked at again.
     fn add(&mut self, examination: &Examination, proposal: Proposal<'_>) -> Result<Next, DiagnoseError> {
-        let event = tried(&self.bench(), &self.state, examination, proposal)?;
-        if matches!(event, Event::Stopped(_)) && self.together(examination)? == Next::Examine {
-            return Ok(Next::Examine);
-        }
+        let event = match tried(&self.bench(), &self.state, examination, proposal)? {
+            Event::Stopped(outcome) => return self.stop(examination, outcome),
+            event => event,
+        };
         let next = self.state.apply(event);
         if next == Next::Examine
             && let Some(event) = other_frames_excluded(self.fitter, &self.state)?
@@ -171,6 +170,14 @@ impl ClosedLoop<'_> {
             self.state.apply(event);
         }
         Ok(next)
+    }
+
+    /// Ends the rounds, unless functions explain what is left: functions that hide each other show in no test of one alone.
+    fn stop(&mut self, examination: &Examination, outcome: Option<RoundOutcome>) -> Result<Next, DiagnoseError> {
+        if self.together(examination)? == Next::Examine {
+            return Ok(Next::Examine);
+        }
+        Ok(self.state.apply(Event::Stopped(outcome)))
     }
 
     /// Explains what is left by functions, all at once; those that were tried under this model are not tried again.
@@ -208,7 +215,7 @@ impl ClosedLoop<'_> {
     fn explain(&mut self, examination: &Examination, free: usize, explained: f64) -> Result<Next, DiagnoseError> {
         let thresholds = *self.bench().thresholds();
         if let Some(outcome) = negligible(examination, free, &thresholds) {
-            return Ok(self.state.apply(Event::Stopped(Some(outcome))));
+            return self.stop(examination, Some(outcome));
         }
         if self.state.rounds.len() < thresholds.most_rounds
             && let Some(event) = without_hidden_lens_effects(&self.bench(), &self.state)?
