@@ -26,9 +26,10 @@ fn library() -> Option<String> {
 /// Level of the compression: the page is 3 % longer than at the usual one, which takes twice as long.
 const LEVEL: Compression = Compression::new(4);
 
-/// Packs what every page carries, in a thread of its own: beside other work it takes no time.
+/// Packs what every page carries, in a thread of its own: it takes as long as a small fit. The first page packs it where there
+/// can be no thread.
 pub fn prepare_pages() {
-    std::thread::spawn(packed_library);
+    let _thread = std::thread::Builder::new().spawn(packed_library);
 }
 
 /// The library as the page carries it, which is less than half as long: compressed (zlib), in base 64. Packed once per process.

@@ -100,7 +100,8 @@ fn depth_noise_from_planes(capture: &CameraFrames<SampledFrame>) -> DepthNoise {
             .samples
             .iter()
             .map(|s| BoardPixel {
-                context: s.context,
+                number: 0,
+                pixel: s.context.pixel,
                 depth_mm: s.depth_mm,
                 board_depth_mm: s.depth_mm,
                 board: s.board_seed,

@@ -8,7 +8,7 @@ use super::calibrated_camera::CalibratedCamera;
 use super::camera_options::Estimator;
 use super::error::CalibrateError;
 use crate::estimators::{EstimatorError, MarkerPoint, irls, linear, marker_points, nonlinear};
-use crate::observe::board_pixels::{BoardDepth, board_pixels};
+use crate::observe::board_pixels::board_pixels;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
 use crate::observe::{PixelRays, PosedFrame};
@@ -38,10 +38,9 @@ pub(super) fn estimate(
     for frame in &result.capture.frames {
         let pose = &frame.camera_from_board;
         let region = BoardRegion::within_markers(&result.capture.target, &frame.markers);
-        let mut pixels = board_pixels(&frame.open()?, unit_mm, &rays, &region, pose, Thinning::ALL);
+        let mut pixels = board_pixels(&frame.open()?, unit_mm, &rays, &region, pose, Thinning::ALL).pixels;
         remove_outliers(&mut pixels);
-        let depths: Vec<BoardDepth> = pixels.iter().map(BoardDepth::from).collect();
-        let of_frame = marker_points(frame, &depths, &result.camera, &result.capture.target, pose);
+        let of_frame = marker_points(frame, &pixels, &result.camera, &result.capture.target, pose);
         points.extend(of_frame.into_iter().flatten());
     }
     let free: [bool; 4] = std::array::from_fn(|i| block.free[i]);

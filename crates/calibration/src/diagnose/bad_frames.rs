@@ -10,7 +10,7 @@ use nalgebra::Isometry3;
 use super::frame_planes::FramePlane;
 use super::thresholds::Thresholds;
 use crate::calibrate::CalibratedCamera;
-use crate::observe::board_pixels::{BoardPixel, board_area_px, board_pixels};
+use crate::observe::board_pixels::{BoardPixel, BoardPixels, board_area_px, board_pixels};
 use crate::observe::board_region::BoardRegion;
 use crate::observe::{CameraFrames, DetectedFrame, PixelRays};
 
@@ -88,9 +88,11 @@ fn deviation(fit: &CalibratedCamera, rays: &PixelRays<'_>, frame: usize, pose: &
     // Only how the exclusion is explained depends on it: an image that cannot be read any more explains nothing.
     let open = fit.capture.frames[frame].open().ok()?;
     let thinning = Thinning::new(board_area_px(&fit.camera, &region, pose), MOST_PIXELS);
-    let pixels = board_pixels(&open, unit_mm, rays, &region, pose, thinning);
-    let corrected =
-        |p: &BoardPixel| Some(1.0 / fit.camera.correct(&p.context, p.cos_incidence, 1.0 / p.depth_mm).ok()?.1);
+    let BoardPixels { pixels, covariates } = board_pixels(&open, unit_mm, rays, &region, pose, thinning);
+    let corrected = |p: &BoardPixel| {
+        let corrected = fit.camera.correct(&covariates.context(p.number, p.pixel), p.cos_incidence, 1.0 / p.depth_mm);
+        Some(1.0 / corrected.ok()?.1)
+    };
     let mut deviations: Vec<f64> =
         pixels.iter().filter_map(|p| corrected(p).map(|z| (z - p.board_depth_mm).abs())).collect();
     upper_median(&mut deviations)

@@ -4,7 +4,7 @@ use depthcal_model::{Camera, Target};
 use nalgebra::{Isometry3, Vector3, Vector4};
 
 use crate::observe::DetectedFrame;
-use crate::observe::board_pixels::BoardDepth;
+use crate::observe::board_pixels::BoardPixel;
 use crate::observe::marker_depth::marker_inverse_depths;
 
 /// A marker with depth: everything that the thesis' estimators use of it.
@@ -23,7 +23,7 @@ pub struct MarkerPoint {
 /// marker is missing.
 pub fn marker_points(
     frame: &DetectedFrame,
-    pixels: &[BoardDepth],
+    pixels: &[BoardPixel],
     camera: &Camera,
     target: &Target,
     camera_from_board: &Isometry3<f64>,

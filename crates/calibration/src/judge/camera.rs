@@ -7,17 +7,19 @@
 use std::borrow::Cow;
 
 use depthcal_io::{BeforeAfter, DatasetEvaluation, FrameEvaluation, MeanStd, Outliers, Rms};
-use depthcal_model::{Camera, Context};
+use depthcal_model::Camera;
 use depthcal_statistics::{Thinning, rms, upper_median};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
+use super::corrected_pixels::corrected;
 use super::depth_errors::{DepthErrors, PixelError};
 use crate::estimators::{MarkerPoint, marker_points};
-use crate::observe::board_pixels::{BoardDepth, BoardPixel, board_area_px, board_pixels, key};
+use crate::observe::board_pixels::{BoardPixel, BoardPixels, board_area_px, board_pixels, key};
 use crate::observe::board_plane::BoardSurface;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
+use crate::observe::pixel_covariates::PixelCovariates;
 use crate::observe::wrong_markers::{limit_px, take_wrong};
 use crate::observe::{
     AdjustableFrame, CameraFrames, DetectedFrame, DroppedFrame, EvaluableFrame, MarkerObservation, OpenFrame, PixelRays,
@@ -28,9 +30,6 @@ use crate::start::{FrameMarkers, PoseFit, StartError, estimate_pose, pose_doubt,
 const KEPT_PIXELS: usize = 200_000;
 /// … but of a frame at least and at most so many.
 const KEPT_OF_A_FRAME: [usize; 2] = [200, 4000];
-
-/// Board pixels that are corrected at a time: what they need of memory stays in a processor's cache.
-const CHUNK: usize = 1024;
 
 /// Errors of one frame.
 #[derive(Debug, Clone)]
@@ -217,28 +216,30 @@ impl<F: Sync> Evaluation<'_, F> {
     }
 
     /// The frame's board pixels, seen from a pose, before and after correction.
-    fn judged(
+    fn judged<'a>(
         &self,
         frame: &DetectedFrame,
-        open: &OpenFrame<'_>,
+        open: &'a OpenFrame<'a>,
         surface: &BoardSurface<'_>,
         pose: &Isometry3<f64>,
-    ) -> Judged {
+    ) -> Judged<'a> {
         let unit_mm = self.capture.depth_unit_mm.unwrap_or(1.0);
         let region = BoardRegion::within_markers(&self.capture.target, &frame.markers);
         let mut measured = board_pixels(open, unit_mm, self.rays, &region, pose, self.thinning);
-        let (outliers, outlier_limit_mm) = remove_outliers(&mut measured);
-        let corrected = self.corrected(&measured, surface);
-        Judged { measured, corrected, outliers, outlier_limit_mm }
+        let (outliers, outlier_limit_mm) = remove_outliers(&mut measured.pixels);
+        let corrected = corrected(self.camera, self.rays, &measured, surface);
+        let BoardPixels { pixels: measured, covariates } = measured;
+        Judged { measured, covariates, corrected, outliers, outlier_limit_mm }
     }
 
     fn of_frame(&self, frame: &DetectedFrame, open: &OpenFrame<'_>, pose: Isometry3<f64>) -> EvaluatedFrame {
         let target = &self.capture.target;
         let reprojection = frame.observed_markers().iter().filter_map(|m| self.reprojection(m, &pose)).collect();
         let surface = self.rays.surface(&pose);
-        let Judged { measured: all, corrected, outliers, outlier_limit_mm } = self.judged(frame, open, &surface, &pose);
-        let points = |depths: &[BoardDepth]| marker_points(frame, depths, self.rays.camera(), target, &pose);
-        let before = points(&all.iter().map(BoardDepth::from).collect::<Vec<_>>());
+        let judged = self.judged(frame, open, &surface, &pose);
+        let Judged { measured: all, covariates, corrected, outliers, outlier_limit_mm } = judged;
+        let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, self.rays.camera(), target, &pose);
+        let before = points(&all);
         let measured = all.len();
         let thinning = self.thinning.further(measured, self.kept_pixels);
         let mut depth = DepthErrors::default();
@@ -247,15 +248,12 @@ impl<F: Sync> Evaluation<'_, F> {
             let Some(c) = corrected else { continue };
             let error = PixelError::of(p, c, &surface);
             depth.add(&error);
-            if thinning.keeps(key(p.context.pixel)) {
-                let is_complete = self.rays.needs_surroundings() || open.image.is_none();
-                let context = if is_complete { p.context } else { open.context(p.context.pixel) };
-                let context = Context { stray: p.context.stray, ..context };
+            if thinning.keeps(key(p.pixel)) {
+                let context = covariates.complete(p.number, p.pixel);
                 pixels.push(PixelError { context, ..error });
             }
         }
-        drop(all);
-        let correctable: Vec<BoardDepth> = corrected.into_iter().flatten().collect();
+        let correctable: Vec<BoardPixel> = corrected.into_iter().flatten().collect();
         let pairs: Vec<(usize, [MarkerPoint; 2])> = before
             .into_iter()
             .zip(points(&correctable))
@@ -282,47 +280,15 @@ impl<F: Sync> Evaluation<'_, F> {
             uncorrectable: measured - correctable.len(),
         }
     }
-
-    /// The corrected depth of pixels; `None` where the camera cannot correct it.
-    fn corrected(&self, pixels: &[BoardPixel], surface: &BoardSurface<'_>) -> Vec<Option<BoardDepth>> {
-        if PixelRays::has_pixel_pieces_of(self.camera) || self.rays.depend_on_depth() {
-            return pixels.iter().map(|p| self.corrected_anew(p, surface)).collect();
-        }
-        let mut corrected = Vec::with_capacity(pixels.len());
-        let mut inverse_depths = [0.0; CHUNK];
-        for chunk in pixels.chunks(CHUNK) {
-            let contexts: Vec<_> = chunk.iter().map(|p| p.context).collect();
-            let rays: Vec<_> = chunk.iter().map(|p| p.ray).collect();
-            let cos_incidence: Vec<_> = chunk.iter().map(|p| p.cos_incidence).collect();
-            let measured: Vec<_> = chunk.iter().map(|p| 1.0 / p.depth_mm).collect();
-            let inverse_depths = &mut inverse_depths[..chunk.len()];
-            self.camera.true_inverse_depths(&contexts, &rays, &cos_incidence, &measured, inverse_depths);
-            let of_chunk = chunk.iter().zip(&*inverse_depths);
-            corrected.extend(
-                of_chunk.map(|(p, rho)| {
-                    (!rho.is_nan()).then_some(BoardDepth { depth_mm: 1.0 / rho, ..BoardDepth::from(p) })
-                }),
-            );
-        }
-        corrected
-    }
-
-    /// A pixel whose ray is another after correction: the depth image is displaced, or the lens breathes.
-    fn corrected_anew(&self, p: &BoardPixel, surface: &BoardSurface<'_>) -> Option<BoardDepth> {
-        let near = Some(p.ray);
-        let (ray, rho) = self.camera.correct_near(&p.context, p.cos_incidence, 1.0 / p.depth_mm, near).ok()?;
-        let board_depth_mm = surface.depth(ray)?;
-        let on_board = surface.plane().to_board(ray, board_depth_mm);
-        Some(BoardDepth { depth_mm: 1.0 / rho, board_depth_mm, board: [on_board.x, on_board.y], ray })
-    }
 }
 
 /// A frame's board pixels that are measurements of the board.
-struct Judged {
+struct Judged<'a> {
     /// As measured.
     measured: Vec<BoardPixel>,
+    covariates: PixelCovariates<'a>,
     /// Each of them after correction; `None` where the camera cannot correct it.
-    corrected: Vec<Option<BoardDepth>>,
+    corrected: Vec<Option<BoardPixel>>,
     outliers: usize,
     outlier_limit_mm: Option<f64>,
 }
@@ -347,7 +313,11 @@ where
         let errors = frame.posed().open().ok().map(|open| {
             let judged = evaluation.judged(frame.posed(), &open, &surface, pose);
             let pairs = judged.measured.iter().zip(&judged.corrected);
-            pairs.filter_map(|(p, c)| Some(PixelError::of(p, c.as_ref()?, &surface))).collect()
+            let error = |(p, c): (&BoardPixel, &Option<BoardPixel>)| {
+                let context = judged.covariates.context(p.number, p.pixel);
+                Some(PixelError { context, ..PixelError::of(p, c.as_ref()?, &surface) })
+            };
+            pairs.filter_map(error).collect()
         });
         take(errors.unwrap_or_default())
     };
@@ -413,7 +383,7 @@ impl EvaluatedFrame {
     /// A frame of pixels at 1 m with these errors of depth, mm, before and after correction alike.
     pub(crate) fn of_depth_errors(name: String, errors_mm: &[f64]) -> Self {
         let pixel = |error_mm: &f64| PixelError {
-            context: Context::default(),
+            context: depthcal_model::Context::default(),
             board_depth_mm: 1000.0,
             board: [0.0; 2],
             cos_incidence: 1.0,

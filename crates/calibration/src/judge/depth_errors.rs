@@ -3,7 +3,7 @@
 use depthcal_io::{BeforeAfter, MeanStd};
 use depthcal_model::Context;
 
-use crate::observe::board_pixels::{BoardDepth, BoardPixel};
+use crate::observe::board_pixels::BoardPixel;
 use crate::observe::board_plane::BoardSurface;
 
 /// A board pixel with its depth before and after correction.
@@ -28,10 +28,10 @@ pub struct PixelError {
 }
 
 impl PixelError {
-    /// Of a pixel as measured and as corrected, against the board's surface.
-    pub(super) fn of(measured: &BoardPixel, corrected: &BoardDepth, surface: &BoardSurface<'_>) -> Self {
+    /// Of a pixel as measured and as corrected, against the board's surface, without covariates.
+    pub(super) fn of(measured: &BoardPixel, corrected: &BoardPixel, surface: &BoardSurface<'_>) -> Self {
         Self {
-            context: measured.context,
+            context: Context { pixel: measured.pixel, ..Context::default() },
             board_depth_mm: measured.board_depth_mm,
             board: measured.board,
             cos_incidence: measured.cos_incidence,

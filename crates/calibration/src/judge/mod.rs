@@ -2,6 +2,7 @@
 
 pub mod camera;
 pub mod capture_cross_validation;
+mod corrected_pixels;
 pub mod cross_validation;
 pub mod depth_errors;
 pub mod difference;

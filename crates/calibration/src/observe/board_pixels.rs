@@ -1,24 +1,23 @@
 //! The depth pixels of a frame that lie on the board.
 
-use depthcal_io::DepthFrame;
-use depthcal_model::frame_covariates::Surroundings;
-use depthcal_model::{Camera, Context};
+use depthcal_model::Camera;
 use depthcal_statistics::Thinning;
 use nalgebra::{Isometry3, Point3};
 
 use super::board_plane::BoardSurface;
 use super::board_region::BoardRegion;
-use super::frame_light::light;
+use super::pixel_covariates::PixelCovariates;
 use super::pixel_rays::PixelRays;
-use super::stages::{DepthPixel, OpenFrame};
+use super::stages::OpenFrame;
 
 /// A valid depth pixel inside the board's outermost markers.
 #[derive(Debug, Clone, Copy)]
 pub struct BoardPixel {
-    /// The pixel with its covariates; those of its surroundings and of its frame's light only where a piece needs them, see
-    /// [`PixelRays::needs_surroundings`] and [`PixelRays::modulation`].
-    pub context: Context,
-    /// Measured depth, mm.
+    /// Its number in the depth image, row by row, or among the frame's single pixels.
+    pub number: u32,
+    /// Pixel of the depth image, px.
+    pub pixel: [f64; 2],
+    /// Measured or corrected depth, mm.
     pub depth_mm: f64,
     /// The board's depth on this pixel's ray, mm.
     pub board_depth_mm: f64,
@@ -30,83 +29,55 @@ pub struct BoardPixel {
     pub cos_incidence: f64,
 }
 
-/// The depth of a board pixel, and where it sees the board: a fifth of a [`BoardPixel`], whose covariates few steps need.
-#[derive(Debug, Clone, Copy)]
-pub struct BoardDepth {
-    /// Measured or corrected depth, mm.
-    pub depth_mm: f64,
-    /// The board's depth on the pixel's ray, mm.
-    pub board_depth_mm: f64,
-    /// The board point that it sees, mm.
-    pub board: [f64; 2],
-    /// True ray (X/Z, Y/Z).
-    pub ray: [f64; 2],
-}
-
-impl From<&BoardPixel> for BoardDepth {
-    fn from(pixel: &BoardPixel) -> Self {
-        let BoardPixel { depth_mm, board_depth_mm, board, ray, .. } = *pixel;
-        Self { depth_mm, board_depth_mm, board, ray }
-    }
+/// The board pixels of a frame.
+#[derive(Debug)]
+pub struct BoardPixels<'a> {
+    /// The pixels, row by row.
+    pub pixels: Vec<BoardPixel>,
+    /// Their covariates.
+    pub covariates: PixelCovariates<'a>,
 }
 
 /// Valid depth pixels of a frame on the board, given a camera and a pose that come from the image: of a depth image those that
 /// `thinning` keeps (by [`key`]), row by row; or the single pixels that the frame has. `unit_mm` is the unit of the depth image.
-pub fn board_pixels(
-    frame: &OpenFrame<'_>,
+pub fn board_pixels<'a>(
+    frame: &'a OpenFrame<'a>,
     unit_mm: f64,
     rays: &PixelRays<'_>,
     region: &BoardRegion,
     camera_from_board: &Isometry3<f64>,
     thinning: Thinning,
-) -> Vec<BoardPixel> {
-    match &frame.depth {
-        Some(depth) => image_pixels(frame, depth, unit_mm, rays, region, camera_from_board, thinning),
-        None => given_pixels(frame.raw.depth_pixels(), rays, region, camera_from_board),
-    }
-}
-
-fn image_pixels(
-    frame: &OpenFrame<'_>,
-    depth: &DepthFrame,
-    unit_mm: f64,
-    rays: &PixelRays<'_>,
-    region: &BoardRegion,
-    camera_from_board: &Isometry3<f64>,
-    thinning: Thinning,
-) -> Vec<BoardPixel> {
-    let corners = corners(rays.camera(), region, camera_from_board);
-    let Some((low, high)) = bounds(&corners, depth.width, depth.height) else { return Vec::new() };
+) -> BoardPixels<'a> {
     let surface = rays.surface(camera_from_board);
+    let Some(depth) = &frame.depth else {
+        return given_pixels(frame, rays, region, &surface);
+    };
+    let corners = corners(rays.camera(), region, camera_from_board);
+    let Some((low, high)) = bounds(&corners, depth.width, depth.height) else {
+        return BoardPixels { pixels: Vec::new(), covariates: PixelCovariates::given(frame) };
+    };
+    let covariates = PixelCovariates::of_part(frame, unit_mm, rays, (low, high));
     let [fx, ..] = rays.camera().pinhole();
-    let image = frame.image.as_deref().filter(|_| rays.needs_surroundings());
-    let surroundings = image.map(|i| Surroundings::of(&i.data, [i.width, i.height], low, high));
-    let light = light(frame, unit_mm, rays).zip(frame.image.as_deref());
     let within = (high[0] - low[0] + 1) * (high[1] - low[1] + 1);
     let mut pixels = Vec::with_capacity(thinning.expected(within / 2));
     for v in low[1]..=high[1] {
         for u in low[0]..=high[0] {
-            let Some(raw) = depth.measurement(v * depth.width + u) else { continue };
-            if !thinning.keeps(key([u as f64, v as f64])) {
+            let number = v * depth.width + u;
+            let Some(raw) = depth.measurement(number) else { continue };
+            let place = [u as f64, v as f64];
+            if !thinning.keeps(key(place)) {
                 continue;
             }
-            let depth_mm = raw * unit_mm;
-            let mut context = frame.conditions([u as f64, v as f64]);
-            if let Some(surroundings) = &surroundings {
-                (context.surround, context.slope) = surroundings.at(u, v);
-            }
-            let Some(mut pixel) = at_board(context, depth_mm, rays, &surface) else { continue };
+            let seen = at_board((number as u32, place), raw * unit_mm, rays, &surface, &covariates);
+            let Some(pixel) = seen else { continue };
             // Along the direction of tilt a pixel covers more of the board.
             let mm_per_px = pixel.board_depth_mm / (fx * pixel.cos_incidence.max(0.1));
             if region.contains(pixel.board, mm_per_px) {
-                if let Some((light, image)) = &light {
-                    pixel.context.stray = light.at(&image.data, [u, v]);
-                }
                 pixels.push(pixel);
             }
         }
     }
-    pixels
+    BoardPixels { pixels, covariates }
 }
 
 /// Number of pixels that the board covers in the image, about.
@@ -130,24 +101,33 @@ fn corners(camera: &Camera, region: &BoardRegion, camera_from_board: &Isometry3<
     region.hull().iter().filter_map(project).collect()
 }
 
-fn given_pixels(
-    pixels: &[DepthPixel],
+fn given_pixels<'a>(
+    frame: &'a OpenFrame<'a>,
     rays: &PixelRays<'_>,
     region: &BoardRegion,
-    camera_from_board: &Isometry3<f64>,
-) -> Vec<BoardPixel> {
-    let surface = rays.surface(camera_from_board);
-    let seen = pixels.iter().filter_map(|p| at_board(p.context, p.depth_mm, rays, &surface));
-    seen.filter(|p| region.contains(p.board, 0.0)).collect()
+    surface: &BoardSurface<'_>,
+) -> BoardPixels<'a> {
+    let covariates = PixelCovariates::given(frame);
+    let given = (0..).zip(frame.raw.depth_pixels());
+    let seen = given.filter_map(|(i, p)| at_board((i, p.context.pixel), p.depth_mm, rays, surface, &covariates));
+    let pixels = seen.filter(|p| region.contains(p.board, 0.0)).collect();
+    BoardPixels { pixels, covariates }
 }
 
-/// The point of the board's surface that a pixel sees; `None` where its ray does not meet the surface.
-fn at_board(context: Context, depth_mm: f64, rays: &PixelRays<'_>, surface: &BoardSurface<'_>) -> Option<BoardPixel> {
-    let ray = rays.ray(&context, depth_mm)?;
+/// The point of the board's surface that a pixel, given by its number and place, sees; `None` where its ray does not meet the
+/// surface.
+fn at_board(
+    (number, pixel): (u32, [f64; 2]),
+    depth_mm: f64,
+    rays: &PixelRays<'_>,
+    surface: &BoardSurface<'_>,
+    covariates: &PixelCovariates<'_>,
+) -> Option<BoardPixel> {
+    let ray = rays.ray(pixel, depth_mm, || covariates.without_light(number, pixel))?;
     let board_depth_mm = surface.depth(ray)?;
     let on_board = surface.plane().to_board(ray, board_depth_mm);
     let cos_incidence = surface.plane().cos_incidence(ray);
-    Some(BoardPixel { context, depth_mm, board_depth_mm, board: [on_board.x, on_board.y], ray, cos_incidence })
+    Some(BoardPixel { number, pixel, depth_mm, board_depth_mm, board: [on_board.x, on_board.y], ray, cos_incidence })
 }
 
 /// First and last column and row that the corners span, with a margin for a displaced depth image, clipped to the image;

@@ -2,12 +2,12 @@
 //! that their errors are independent.
 
 use depthcal_io::ImageError;
-use depthcal_model::{Camera, Context, Modulation};
+use depthcal_model::{Camera, Modulation, Target};
 use depthcal_statistics::Thinning;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::board_pixels::{BoardPixel, board_pixels};
+use super::board_pixels::{BoardPixel, BoardPixels, board_pixels};
 use super::board_plane::BoardPlane;
 use super::board_region::BoardRegion;
 use super::camera_frames::CameraFrames;
@@ -43,17 +43,12 @@ pub fn sample_depth(
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
     let rays = PixelRays::new(camera, &capture.target).with_light(light);
     keep_light(&mut capture, &rays)?;
-    let on_board = |posed: &PosedFrame, frame: &OpenFrame<'_>| {
-        let region = BoardRegion::within_markers(&capture.target, &posed.markers);
-        let mut pixels = board_pixels(frame, unit_mm, &rays, &region, &posed.camera_from_board, Thinning::ALL);
-        remove_outliers_and_rim(&mut pixels);
-        pixels
-    };
     let has_images = capture.frames.iter().any(|f| f.depth_image().is_some());
     let correlation_length_px = if has_images {
         let stride = capture.frames.len().div_ceil(FRAMES).max(1);
         let some = capture.frames.par_iter().step_by(stride);
-        let pixels: Result<Vec<Vec<BoardPixel>>, ImageError> = some.map(|f| Ok(on_board(f, &f.open()?))).collect();
+        let pixels: Result<Vec<Vec<BoardPixel>>, ImageError> =
+            some.map(|f| Ok(measured_on_board(f, &f.open()?, (&capture.target, &rays, unit_mm)).pixels)).collect();
         Some(correlation_length(&pixels?))
     } else {
         None
@@ -63,9 +58,11 @@ pub fn sample_depth(
         MeasuredDepth::Pixels(pixels) => Ok(seeded(pixels, &rays, &posed.camera_from_board)),
         MeasuredDepth::Image(_) => {
             let frame = posed.open()?;
-            let pixels = thinned(on_board(posed, &frame), correlation_length_px.unwrap_or(1), most_per_frame);
+            let BoardPixels { pixels, covariates } =
+                measured_on_board(posed, &frame, (&capture.target, &rays, unit_mm));
+            let pixels = thinned(pixels, correlation_length_px.unwrap_or(1), most_per_frame);
             let sample = |p: &BoardPixel| DepthSample {
-                context: Context { stray: p.context.stray, ..frame.context(p.context.pixel) },
+                context: covariates.complete(p.number, p.pixel),
                 depth_mm: p.depth_mm,
                 board_seed: p.board,
             };
@@ -79,6 +76,18 @@ pub fn sample_depth(
     sampled.frames =
         posed.zip(frames).map(|(posed, samples)| SampledFrame { posed, samples: samples.into() }).collect();
     Ok((sampled, correlation_length_px))
+}
+
+/// The pixels of a frame on its board, without outliers.
+fn measured_on_board<'a>(
+    posed: &PosedFrame,
+    frame: &'a OpenFrame<'a>,
+    (target, rays, unit_mm): (&Target, &PixelRays<'_>, f64),
+) -> BoardPixels<'a> {
+    let region = BoardRegion::within_markers(target, &posed.markers);
+    let mut on_board = board_pixels(frame, unit_mm, rays, &region, &posed.camera_from_board, Thinning::ALL);
+    remove_outliers_and_rim(&mut on_board.pixels);
+    on_board
 }
 
 /// Share of the pixels that a grid should have, below which other offsets of the grid are looked at.
@@ -100,7 +109,7 @@ fn thinned(mut pixels: Vec<BoardPixel>, mut step: usize, most: usize) -> Vec<Boa
 
 /// Column and row of a pixel within its cell of a grid.
 fn offset_in_grid(pixel: &BoardPixel, step: usize) -> [usize; 2] {
-    pixel.context.pixel.map(|c| c as usize % step)
+    pixel.pixel.map(|c| c as usize % step)
 }
 
 /// Where a grid begins, and how many pixels are on it: at zero, or where most are if zero is without its share of them.
@@ -121,17 +130,19 @@ fn offset_of_grid(pixels: &[BoardPixel], step: usize) -> ([usize; 2], usize) {
 /// Single pixels with the board points that their rays meet; outliers and pixels whose ray meets no board are dropped.
 fn seeded(pixels: &[DepthPixel], rays: &PixelRays<'_>, camera_from_board: &Isometry3<f64>) -> Vec<DepthSample> {
     let plane = BoardPlane::new(camera_from_board);
-    let pixel = |p: &DepthPixel| {
+    let pixel = |(number, p): (u32, &DepthPixel)| {
         let ray = rays.camera().ray(p.context.pixel, 1.0 / p.depth_mm).ok()?;
         let board_depth_mm = plane.depth(ray)?;
         let point = plane.to_board(ray, board_depth_mm);
-        let (context, depth_mm, board) = (p.context, p.depth_mm, [point.x, point.y]);
-        Some(BoardPixel { context, depth_mm, board_depth_mm, board, ray, cos_incidence: plane.cos_incidence(ray) })
+        let (pixel, depth_mm, board) = (p.context.pixel, p.depth_mm, [point.x, point.y]);
+        let cos_incidence = plane.cos_incidence(ray);
+        Some(BoardPixel { number, pixel, depth_mm, board_depth_mm, board, ray, cos_incidence })
     };
-    let mut pixels: Vec<BoardPixel> = pixels.iter().filter_map(pixel).collect();
-    remove_outliers(&mut pixels);
-    let sample = |p: &BoardPixel| DepthSample { context: p.context, depth_mm: p.depth_mm, board_seed: p.board };
-    pixels.iter().map(sample).collect()
+    let mut on_board: Vec<BoardPixel> = (0..).zip(pixels).filter_map(pixel).collect();
+    remove_outliers(&mut on_board);
+    let context = |p: &BoardPixel| pixels[p.number as usize].context;
+    let sample = |p: &BoardPixel| DepthSample { context: context(p), depth_mm: p.depth_mm, board_seed: p.board };
+    on_board.iter().map(sample).collect()
 }
 
 /// Correlation length of the noise, px, from the structure function ½ E[(e(x + h) − e(x))²] of the deviations e from a plane in
@@ -142,7 +153,7 @@ fn correlation_length(frames: &[Vec<BoardPixel>]) -> usize {
     for pixels in frames {
         let deviations = plane_deviations(pixels);
         let scale = 6.0 * clipped_sigma(&deviations);
-        let key = |p: &BoardPixel| [p.context.pixel[0] as usize, p.context.pixel[1] as usize];
+        let key = |p: &BoardPixel| p.pixel.map(|c| c as usize);
         let inliers = || pixels.iter().zip(&deviations).filter(|(_, e)| e.abs() <= scale);
         let size = pixels.iter().map(key).fold([0; 2], |s, p| [s[0].max(p[0] + 1), s[1].max(p[1] + 1)]);
         // Pixels that neighbours are looked for beyond the last column and row are there, and empty.
@@ -196,7 +207,8 @@ mod tests {
     #[test]
     fn rows_without_depth_are_no_part_of_the_grid() {
         let pixel = |u: u32, v: u32| BoardPixel {
-            context: Context { pixel: [f64::from(u), f64::from(v)], ..Context::default() },
+            number: 0,
+            pixel: [f64::from(u), f64::from(v)],
             depth_mm: 1000.0,
             board_depth_mm: 1000.0,
             board: [0.0; 2],
@@ -225,7 +237,8 @@ mod tests {
             let pixels = (0..n - 3).flat_map(|v| (0..n - 3).map(move |u| (u, v)));
             pixels
                 .map(|(u, v)| BoardPixel {
-                    context: Context { pixel: [u as f64, v as f64], ..Context::default() },
+                    number: 0,
+                    pixel: [u as f64, v as f64],
                     depth_mm: 1.0 / (1e-3 + 1e-7 * u as f64 + value(u, v)),
                     board_depth_mm: 1000.0,
                     board: [0.0; 2],

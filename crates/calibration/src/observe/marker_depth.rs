@@ -4,7 +4,7 @@ use depthcal_model::Target;
 use depthcal_statistics::{Thinning, upper_median};
 use nalgebra::{Matrix3, Vector3};
 
-use super::board_pixels::BoardDepth;
+use super::board_pixels::BoardPixel;
 
 /// Radius around a marker within which pixels support its plane, in distances between neighbouring markers.
 const SUPPORT: f64 = 1.1;
@@ -22,7 +22,7 @@ const GATE: f64 = 3.5;
 pub fn marker_inverse_depths(
     target: &Target,
     markers: &[(usize, [f64; 2])],
-    pixels: &[BoardDepth],
+    pixels: &[BoardPixel],
 ) -> Vec<Option<f64>> {
     let radius = SUPPORT * nearest_distance(target);
     let cells = Cells::of(pixels, radius);
@@ -54,7 +54,7 @@ fn nearest_distance(target: &Target) -> f64 {
 
 /// Pixels sorted into square cells of the board as wide as the search radius.
 struct Cells<'a> {
-    pixels: &'a [BoardDepth],
+    pixels: &'a [BoardPixel],
     radius: f64,
     low: [f64; 2],
     columns: usize,
@@ -66,7 +66,7 @@ struct Cells<'a> {
 }
 
 impl<'a> Cells<'a> {
-    fn of(pixels: &'a [BoardDepth], radius: f64) -> Self {
+    fn of(pixels: &'a [BoardPixel], radius: f64) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for p in pixels {
             for i in 0..2 {
@@ -192,7 +192,15 @@ mod tests {
                     let ray = [board[0] / 800.0, board[1] / 800.0];
                     let outlier = if (i * 7 + j * 3) % 11 == 0 { 1.1 } else { 1.0 };
                     let depth_mm = outlier / plane(ray[0], ray[1]);
-                    pixels.push(BoardDepth { depth_mm, board_depth_mm: depth_mm, board, ray });
+                    pixels.push(BoardPixel {
+                        number: 0,
+                        pixel: [0.0; 2],
+                        depth_mm,
+                        board_depth_mm: depth_mm,
+                        board,
+                        ray,
+                        cos_incidence: 1.0,
+                    });
                 }
             }
             let ray = [30.0 / 800.0, 30.0 / 800.0];
@@ -205,8 +213,11 @@ mod tests {
     /// The cells change nothing: the same pixels as by comparing all.
     #[test]
     fn cells_find_every_supporting_pixel() {
-        let pixels: Vec<BoardDepth> = (0..500_u32)
-            .map(|i| BoardDepth {
+        let pixels: Vec<BoardPixel> = (0..500_u32)
+            .map(|i| BoardPixel {
+                number: i,
+                pixel: [0.0; 2],
+                cos_incidence: 1.0,
                 depth_mm: 500.0,
                 board_depth_mm: 500.0,
                 board: [f64::from(i * 37 % 101) * 1.7 - 20.0, f64::from(i * 53 % 97) * 1.3 - 15.0],
@@ -218,7 +229,7 @@ mod tests {
             let mut within = Vec::new();
             cells.within(p, &mut |i| within.push(i));
             within.sort_unstable();
-            let near = |q: &BoardDepth| (q.board[0] - p[0]).powi(2) + (q.board[1] - p[1]).powi(2) <= 22.0 * 22.0;
+            let near = |q: &BoardPixel| (q.board[0] - p[0]).powi(2) + (q.board[1] - p[1]).powi(2) <= 22.0 * 22.0;
             let all: Vec<usize> = (0..pixels.len()).filter(|i| near(&pixels[*i])).collect();
             assert_eq!(within, all, "{p:?}");
         }

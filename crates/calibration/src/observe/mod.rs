@@ -16,6 +16,7 @@ pub mod marker_depth;
 pub mod neighbourhood;
 pub mod noise;
 pub mod outliers;
+pub(crate) mod pixel_covariates;
 pub mod pixel_rays;
 mod placed_camera;
 pub(crate) mod projected_markers;

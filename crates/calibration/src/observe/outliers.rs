@@ -128,7 +128,7 @@ pub fn remove_outliers_and_rim(pixels: &mut Vec<BoardPixel>) {
 }
 
 fn place(p: &BoardPixel) -> [i64; 2] {
-    p.context.pixel.map(|c| c.round() as i64)
+    p.pixel.map(|c| c.round() as i64)
 }
 
 /// The pixels within [`RIM_PX`] of some pixels, as a bitmap of the part of the image that these span.
@@ -167,7 +167,6 @@ impl Beside {
 
 #[cfg(test)]
 mod tests {
-    use depthcal_model::Context;
     use rand::{RngExt, SeedableRng};
     use rand_distr::{Distribution, Normal};
 
@@ -184,7 +183,8 @@ mod tests {
                 let rho = 1.0 / 600.0 + 2e-4 * ray[0] - 1e-4 * ray[1];
                 let measured = 1.04 * rho + 3e-5 * ray[0] - 1e-5;
                 BoardPixel {
-                    context: Context { pixel: [f64::from(u), f64::from(v)], ..Context::default() },
+                    number: 0,
+                    pixel: [f64::from(u), f64::from(v)],
                     depth_mm: 1.0 / measured + noise.sample(&mut rng),
                     board_depth_mm: 1.0 / rho,
                     board: [0.0; 2],
@@ -212,7 +212,7 @@ mod tests {
         let mut pixels = board(2);
         let (mut wall, mut wild, mut mixed) = (0, 0, 0);
         for p in &mut pixels {
-            let u = p.context.pixel[0];
+            let u = p.pixel[0];
             if u < 50.0 {
                 p.depth_mm = 2000.0;
                 wall += 1;

@@ -92,15 +92,14 @@ impl<'a> PixelRays<'a> {
         self.table.is_empty()
     }
 
-    /// The ray of a pixel of the depth image at a depth (mm); `None` where the lens has no inverse.
-    pub fn ray(&self, context: &Context, depth_mm: f64) -> Option<[f64; 2]> {
+    /// The ray of a pixel of the depth image at a depth (mm); `None` where the lens has no inverse. Its covariates are asked for
+    /// only where the ray depends on them.
+    pub fn ray(&self, pixel: [f64; 2], depth_mm: f64, context: impl FnOnce() -> Context) -> Option<[f64; 2]> {
         if self.table.is_empty() {
-            return self.camera.ray(self.camera.image_pixel(context), 1.0 / depth_mm).ok();
+            return self.camera.ray(self.camera.image_pixel(&context()), 1.0 / depth_mm).ok();
         }
-        if !self.has_pixel_pieces {
-            return self.at(context.pixel, depth_mm);
-        }
-        self.at(self.camera.image_pixel(context), depth_mm)
+        let of_image = if self.has_pixel_pieces { self.camera.image_pixel(&context()) } else { pixel };
+        self.at(of_image, depth_mm)
     }
 
     /// The ray of a pixel of the image, from the table where it is one of its grid.
@@ -246,7 +245,7 @@ mod tests {
             for v in (0..243).step_by(7) {
                 for u in (0..321).step_by(3) {
                     let context = Context { pixel: [f64::from(u), f64::from(v)], ..Context::default() };
-                    match (rays.ray(&context, 800.0), camera.ray(context.pixel, 1e-3).ok()) {
+                    match (rays.ray(context.pixel, 800.0, || context), camera.ray(context.pixel, 1e-3).ok()) {
                         (Some(a), Some(b)) => {
                             let error = (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
                             assert!(error < 5.0 * TOLERANCE, "f {focal}, pixel {u}, {v}: {error:e}");

@@ -190,7 +190,7 @@ impl Planner {
                 let with = inverse(&(&precision + &self.poses[number].2));
                 with.map_or(f64::NEG_INFINITY, |c| last - scale * Error::mean_square_of(&c, &weight))
             };
-            let Some(number) = largest(&mut gains, gain, plan.poses.len() < count) else { break };
+            let Some(number) = largest(&mut gains, gain, frames == 1 || plan.poses.len() < count) else { break };
             let (frame, rig_from_board, more) = &self.poses[number];
             precision += more;
             let Some(covariance) = inverse(&precision) else { break };

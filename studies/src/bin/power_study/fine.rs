@@ -101,7 +101,7 @@ fn plant(path: &Path, fit: &CalibratedCamera, noise: &Noise, pattern: Pattern, p
                 if !DepthImage::is_measurement(*raw) {
                     continue;
                 }
-                let Some(ray) = rays.ray(&context, z) else { continue };
+                let Some(ray) = rays.ray(context.pixel, z, || context) else { continue };
                 let Some(board_depth) = plane.depth(ray) else { continue };
                 let point = plane.to_board(ray, board_depth);
                 let size = SHARE_OF_NOISE * noise.depth.sigma_rho(1.0 / z) * z * z;
