@@ -23,7 +23,8 @@ const TOLD: [&str; 7] = [
 ];
 
 impl Output {
-    /// Refuses a folder that cannot be written, before any work is done; beside that, the report is prepared.
+    /// Refuses a folder that cannot be written before any work is done. The parts that every report has are made in the
+    /// background from then on.
     pub(super) fn prepare(&self) -> Result<(), Failure> {
         check_writable(&self.out).map_err(input)?;
         prepare_pages();

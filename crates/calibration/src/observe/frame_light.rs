@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use depthcal_io::ImageError;
+use depthcal_io::{GrayImage, ImageError};
 use depthcal_model::{Context, FrameCovariates, Modulation, StrayLight};
 use rayon::prelude::*;
 
@@ -47,14 +47,17 @@ pub(crate) fn relit(
 ) -> Result<SampledFrame, ImageError> {
     let open = frame.open()?;
     let covariates = compute(&open, modulation, unit_mm, rays);
-    let light = |pixel: [f64; 2]| match (&covariates, open.image.as_deref()) {
-        (Some(covariates), Some(image)) => covariates.at(&image.data, pixel.map(|x| x as usize)),
-        _ => StrayLight::UNKNOWN,
-    };
+    let light = |pixel: [f64; 2]| stray_at(covariates.as_ref(), open.image.as_deref(), pixel);
     let with_light =
         |s: &DepthSample| DepthSample { context: Context { stray: light(s.context.pixel), ..s.context }, ..*s };
     let samples: Vec<DepthSample> = frame.samples.iter().map(with_light).collect();
     Ok(SampledFrame { posed: frame.posed.clone(), samples: samples.into() })
+}
+
+/// The light that the lens spreads over a pixel of the depth image, from the light of its frame; unknown where this is.
+pub(super) fn stray_at(light: Option<&FrameCovariates>, image: Option<&GrayImage>, pixel: [f64; 2]) -> StrayLight {
+    let known = light.zip(image);
+    known.map_or(StrayLight::UNKNOWN, |(light, image)| light.at(&image.data, pixel.map(|c| c as usize)))
 }
 
 fn compute(

@@ -4,9 +4,9 @@
 use std::borrow::Cow;
 
 use depthcal_model::frame_covariates::Surroundings;
-use depthcal_model::{Context, FrameCovariates, StrayLight};
+use depthcal_model::{Context, FrameCovariates};
 
-use super::frame_light::light;
+use super::frame_light::{light, stray_at};
 use super::pixel_rays::PixelRays;
 use super::stages::OpenFrame;
 
@@ -43,7 +43,11 @@ impl<'a> PixelCovariates<'a> {
     /// surroundings where a piece needs them.
     pub fn context(&self, number: u32, pixel: [f64; 2]) -> Context {
         let context = self.without_light(number, pixel);
-        if self.frame.depth.is_some() { Context { stray: self.stray(pixel), ..context } } else { context }
+        if self.frame.depth.is_none() {
+            return context;
+        }
+        let stray = stray_at(self.light.as_deref(), self.frame.image.as_deref(), pixel);
+        Context { stray, ..context }
     }
 
     /// [`context`](Self::context) with the pixel's surroundings, whether or not a piece needs them.
@@ -64,13 +68,5 @@ impl<'a> PixelCovariates<'a> {
             (context.surround, context.slope) = surroundings.at(u, v);
         }
         context
-    }
-
-    /// The light that the lens spreads over a pixel of the depth image; unknown where no piece needs it.
-    fn stray(&self, pixel: [f64; 2]) -> StrayLight {
-        match self.light.as_deref().zip(self.frame.image.as_deref()) {
-            Some((light, image)) => light.at(&image.data, pixel.map(|c| c as usize)),
-            None => StrayLight::UNKNOWN,
-        }
     }
 }

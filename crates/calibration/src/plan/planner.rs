@@ -163,9 +163,8 @@ impl Planner {
             }
         }
         let of_fitted = inverse(&self.fitted).ok_or(PlanError::Undetermined)?;
-        let of_fit = Error::of(&self.covariance, &weight).mean_square;
-        let scale = of_fit / Error::of(&of_fitted, &weight).mean_square;
-        Ok((weight, scale))
+        let [of_fit, of_frames] = [&self.covariance, &of_fitted].map(|c| Error::mean_square_of(c, &weight));
+        Ok((weight, of_fit / of_frames))
     }
 
     /// The `count` poses that lower a goal most, one after another, and how many are needed until its error is at most `target`.
