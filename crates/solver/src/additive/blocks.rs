@@ -63,7 +63,7 @@ struct Products {
     shared: DMatrix<f64>,
     shared_gradient: DVector<f64>,
     cross: DMatrix<f64>,
-    /// The upper triangle by groups.
+    /// The lower triangle, by groups.
     own: DMatrix<f64>,
     gradient: DVector<f64>,
     /// Sum of every column's entries over the rows.
@@ -84,7 +84,7 @@ impl Blocks {
             let mut products = Products::zeros(model.shared(), width);
             let clusters = model.clusters.iter().enumerate().filter(|(i, _)| block_of(*i, count) == block);
             clusters.for_each(|(_, cluster)| products.add(cluster, &model.groups, &ranges));
-            products.own.fill_lower_triangle_with_upper_triangle();
+            products.own.fill_upper_triangle_with_lower_triangle();
             OfBlock { own: products.own.cast(), others: Products { own: DMatrix::zeros(0, 0), ..products } }
         };
         let products: Vec<OfBlock> = (0..blocks).into_par_iter().map(of_block).collect();
@@ -138,7 +138,7 @@ impl Blocks {
             let of_group: Vec<usize> = self.ranges[group].clone().collect();
             let cross = solved(&fitted.part(&columns, &of_group))?;
             let mut left = &self.penalties[group] + fitted.part(&of_group, &of_group);
-            left.gemm_tr(-1.0, &cross, &cross, 1.0);
+            left.gemm(-1.0, &cross.transpose(), &cross, 1.0);
             let gradient = DVector::from_fn(of_group.len(), |i, _| fitted.gradient[of_group[i]]) - cross.tr_mul(&pull);
             Some((group, gradient.dot(&left.cholesky()?.solve(&gradient))))
         };
@@ -232,16 +232,20 @@ impl Products {
                         with_rows[(kind, column)] += rows[(row, kind)] * entry;
                     }
                     self.sums[column] += entry.abs();
+                    let mut products = self.own.column_mut(column);
+                    let products = products.as_mut_slice();
                     for (other, values, count) in &of_row[i..] {
-                        for b in 0..*count {
-                            self.own[(column, other + b)] += entry * values[b];
+                        // Of a run of fewer the further values are zero.
+                        match products[*other..].first_chunk_mut::<SUPPORT>() {
+                            Some(products) => (0..SUPPORT).for_each(|b| products[b] += entry * values[b]),
+                            None => (0..*count).for_each(|b| products[other + b] += entry * values[b]),
                         }
                     }
                 }
             }
         }
         let of_own = with_rows.rows(0, local);
-        self.own.gemm_tr(-1.0, &of_own, &of_own, 1.0);
+        self.own.gemm(-1.0, &of_own.transpose(), &of_own, 1.0);
         self.cross += with_rows.rows(local, shared);
         self.gradient += with_rows.row(local + shared).transpose();
         self.shared += cluster.rows.hessian();
@@ -262,14 +266,15 @@ impl Products {
         let carried = factor.solve(&cross);
         let step = factor.solve(&(&block.shared_gradient - &self.shared_gradient));
         let mut fitted = self.own.zip_map(own, |all, of_block| all - f64::from(of_block));
-        fitted.gemm_tr(-1.0, &cross, &carried, 1.0);
+        fitted.gemm(-1.0, &cross.transpose(), &carried, 1.0);
         let gradient = &self.gradient - &block.gradient + cross.tr_mul(&step);
         let fitted = Quadratic { hessian: fitted.cast(), gradient };
         // With the shared parameters at `step` − `carried` w the block's cost is, up to a constant, this in w.
         let mut held_out: DMatrix<f64> = own.clone().cast();
-        held_out.gemm_tr(-1.0, &block.cross, &carried, 1.0);
-        held_out.gemm_tr(-1.0, &carried, &block.cross, 1.0);
-        held_out.gemm_tr(1.0, &carried, &(&block.shared * &carried), 1.0);
+        // What they add is CᵀSC − BᵀC − CᵀB = Cᵀ(SC − B) − BᵀC.
+        let left = &block.shared * &carried - &block.cross;
+        held_out.gemm(1.0, &carried.transpose(), &left, 1.0);
+        held_out.gemm(-1.0, &block.cross.transpose(), &carried, 1.0);
         let shared_gradient = &block.shared_gradient + &block.shared * &step;
         let gradient = &block.gradient + block.cross.tr_mul(&step) - carried.tr_mul(&shared_gradient);
         Some(LeftOut { fitted, held_out: Quadratic { hessian: held_out.cast(), gradient } })

@@ -21,12 +21,14 @@ mod penalty;
 mod rows;
 mod search;
 mod strengths;
+mod widened;
 
 pub use axis::{Axis, CUBIC, LINEAR, SUPPORT, smoothness_precision};
 pub use functions::{Covariate, MissingFunction, Observed, missing_functions};
 pub use model::{Additive, Cluster, Group, Table};
-pub use normal::{Normal, left_out_gains};
+pub use normal::Normal;
 pub use penalty::Precision;
 pub use rows::ClusterRows;
 pub use search::{Found, certain, grown, search};
 pub use strengths::Strengths;
+pub use widened::widened;

@@ -100,6 +100,15 @@ impl Additive<'_> {
         self.clusters.iter().map(|cluster| cluster.rows.matrix().nrows()).sum()
     }
 
+    /// The model with some of its groups, in this order.
+    pub fn with_groups(&self, groups: &[usize]) -> Additive<'_> {
+        Additive {
+            clusters: self.clusters.clone(),
+            groups: groups.iter().map(|group| self.groups[*group].clone()).collect(),
+            sequential: self.sequential.clone(),
+        }
+    }
+
     /// ½ Σ r² of all rows.
     pub fn cost(&self) -> f64 {
         self.clusters.iter().map(|cluster| cluster.rows.cost()).sum()

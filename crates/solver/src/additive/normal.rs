@@ -2,6 +2,7 @@
 //! left out.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// A quadratic cost gᵀw + ½ wᵀHw over the shared columns followed by others.
 #[derive(Debug, Clone)]
@@ -77,28 +78,44 @@ impl Normal {
     }
 }
 
-/// Fall of the cost of every cluster when the columns after the first `shared` are estimated from the clusters of all other
-/// parts, over that with the shared columns alone; `part_of` has the part of every cluster. `prior` is added to the columns'
-/// normal matrix.
-pub fn left_out_gains(
-    normals: &[Normal],
+/// Clusters in parts, with what is the same for all priors on the columns after the first `shared`: the normal equations of the
+/// clusters of all other parts, and the shared columns alone estimated from them.
+#[derive(Debug)]
+pub(super) struct LeftOutParts {
+    normals: Vec<Normal>,
     shared: usize,
-    prior: &DMatrix<f64>,
-    part_of: &[usize],
-    parts: usize,
-) -> Vec<f64> {
-    let of_part = |part: usize| {
-        let others = normals.iter().zip(part_of).filter(|(_, other)| **other != part).map(|(normal, _)| normal);
-        let others = Normal::sum(others)?;
-        let without = others.of_shared(shared).step();
-        let mut with = others;
-        with.add_prior(shared, prior);
-        Some((without, with.step()))
-    };
-    let steps: Vec<Option<(DVector<f64>, DVector<f64>)>> = (0..parts).map(of_part).collect();
-    let gain = |(normal, part): (&Normal, &usize)| {
-        let Some((without, with)) = &steps[*part] else { return 0.0 };
-        normal.of_shared(shared).change(without) - normal.change(with)
-    };
-    normals.iter().zip(part_of).map(gain).collect()
+    part_of: Vec<usize>,
+    /// Of every part; `None` where it has all clusters.
+    others: Vec<Option<(Normal, DVector<f64>)>>,
+}
+
+impl LeftOutParts {
+    /// `part_of` has the part of every cluster.
+    pub fn new(normals: Vec<Normal>, shared: usize, part_of: Vec<usize>) -> Self {
+        let parts = part_of.iter().max().map_or(0, |last| last + 1);
+        let of_part = |part: usize| {
+            let others = normals.iter().zip(&part_of).filter(|(_, other)| **other != part).map(|(normal, _)| normal);
+            let others = Normal::sum(others)?;
+            let without = others.of_shared(shared).step();
+            Some((others, without))
+        };
+        let others = (0..parts).into_par_iter().map(of_part).collect();
+        Self { normals, shared, part_of, others }
+    }
+
+    /// Fall of the cost of every cluster when the columns after the shared ones are estimated from the clusters of all other
+    /// parts, with `prior` added to their normal matrix, over that with the shared columns alone.
+    pub fn gains(&self, prior: &DMatrix<f64>) -> Vec<f64> {
+        let with = |others: &Option<(Normal, DVector<f64>)>| {
+            let mut with = others.as_ref()?.0.clone();
+            with.add_prior(self.shared, prior);
+            Some(with.step())
+        };
+        let steps: Vec<Option<DVector<f64>>> = self.others.par_iter().map(with).collect();
+        let gain = |(normal, part): (&Normal, &usize)| {
+            let (Some((_, without)), Some(with)) = (&self.others[*part], &steps[*part]) else { return 0.0 };
+            normal.of_shared(self.shared).change(without) - normal.change(with)
+        };
+        self.normals.par_iter().zip(&self.part_of).map(gain).collect()
+    }
 }

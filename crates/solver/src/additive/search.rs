@@ -8,11 +8,11 @@ use tracing::debug;
 
 use super::blocks::{Blocks, block_of, blocks_of};
 use super::model::Additive;
-use super::normal::{Normal, left_out_gains};
+use super::normal::{LeftOutParts, Normal};
 use super::penalty::block_diagonal;
 
 /// Most functions of a model.
-const MOST: usize = 4;
+pub(super) const MOST: usize = 4;
 /// Passes of exchanges.
 const PASSES: usize = 2;
 /// Least fall of the cost ½ Σ r² of left-out clusters by a function given all others, and the same per row …
@@ -250,7 +250,7 @@ impl Search<'_> {
 
     /// Least fall of the cost of left-out clusters by a function given all others.
     fn least_gain(&self) -> f64 {
-        LEAST_GAIN.max(LEAST_GAIN_PER_ROW * self.rows as f64)
+        least_gain(self.rows)
     }
 
     fn is_sequential(&self, group: usize) -> bool {
@@ -268,7 +268,7 @@ impl Search<'_> {
         let penalty = block_diagonal(groups.iter().map(|g| &self.blocks.penalties[*g]));
         let gains = |part: &dyn Fn(usize) -> usize| {
             let parts: Vec<usize> = (0..count).map(part).collect();
-            left_out_gains(&normals, self.model.shared(), &penalty, &parts, blocks_of(count))
+            LeftOutParts::new(normals.clone(), self.model.shared(), parts).gains(&penalty)
         };
         [gains(&|cluster| block_of(cluster, count)), gains(&|cluster| cluster % blocks_of(count))]
     }
@@ -276,6 +276,11 @@ impl Search<'_> {
     fn words(&self, groups: &[usize]) -> String {
         groups.iter().map(|group| self.model.groups[*group].words.as_str()).collect::<Vec<_>>().join(" + ")
     }
+}
+
+/// Least fall of the cost of left-out clusters, which have so many rows, by a function given all others.
+pub(super) fn least_gain(rows: usize) -> f64 {
+    LEAST_GAIN.max(LEAST_GAIN_PER_ROW * rows as f64)
 }
 
 /// Whether gains of clusters are more than chance, and more than next to nothing.

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::model::Additive;
-use super::normal::{Normal, left_out_gains};
+use super::normal::{LeftOutParts, Normal};
 use super::penalty::{Information, Precision, STRENGTH, block_diagonal};
 use super::search::Found;
 
@@ -22,7 +22,8 @@ pub struct Strengths<'a> {
     found: &'a [Found],
     /// Of every group of every function.
     information: Vec<Vec<Information>>,
-    normals: Vec<Normal>,
+    total: Normal,
+    parts: LeftOutParts,
     strengths: Vec<f64>,
     gain: f64,
 }
@@ -44,7 +45,9 @@ impl<'a> Strengths<'a> {
         let information =
             found.iter().map(|function| function.groups.iter().map(&mut information_of).collect()).collect();
         let strengths = vec![STRENGTH; found.len()];
-        let mut best = Self { model, found, information, normals, strengths, gain: f64::NEG_INFINITY };
+        let part_of = (0..normals.len()).map(|cluster| cluster % PARTS.min(normals.len())).collect();
+        let parts = LeftOutParts::new(normals, model.shared(), part_of);
+        let mut best = Self { model, found, information, total, parts, strengths, gain: f64::NEG_INFINITY };
         for place in (0..found.len()).cycle().take(PASSES * found.len()) {
             for strength in STRENGTHS {
                 let mut strengths = best.strengths.clone();
@@ -70,10 +73,7 @@ impl<'a> Strengths<'a> {
 
     /// Fall of the cost of left-out clusters with these strengths.
     fn gain_with(&self, strengths: &[f64]) -> f64 {
-        let count = self.normals.len();
-        let parts: Vec<usize> = (0..count).map(|cluster| cluster % PARTS.min(count)).collect();
-        let penalty = self.penalty(strengths);
-        left_out_gains(&self.normals, self.model.shared(), &penalty, &parts, PARTS.min(count)).iter().sum()
+        self.parts.gains(&self.penalty(strengths)).iter().sum()
     }
 
     /// Fall of the cost ½ Σ r² of left-out clusters.
@@ -90,7 +90,7 @@ impl<'a> Strengths<'a> {
     /// Coefficients of all groups of all functions, one after the other, estimated together with the shared parameters.
     pub fn coefficients(&self) -> DVector<f64> {
         let shared = self.model.shared();
-        let Some(mut total) = Normal::sum(&self.normals) else { return DVector::zeros(0) };
+        let mut total = self.total.clone();
         total.add_prior(shared, &self.penalty(&self.strengths));
         let step = total.step();
         step.rows(shared, step.len() - shared).into_owned()

@@ -18,10 +18,10 @@ const COVARIATES: [(C, usize); 8] = [
     (C::Y, 16),
     (C::R, 16),
     (C::Z, 24),
-    (C::Incidence, 8),
+    (C::Incidence, 16),
     (C::Amplitude, 16),
-    (C::Time, 8),
-    (C::Temperature, 6),
+    (C::Time, 16),
+    (C::Temperature, 12),
 ];
 /// Covariates that functions are multiplied with.
 const FACTORS: [C; 5] = [C::X, C::Y, C::R, C::Time, C::Temperature];
@@ -32,6 +32,9 @@ const OF_PAIRS: usize = 6;
 /// … where they are finer, and of functions of one covariate: formulas have a limit of parameters.
 const MOST_OF_PAIRS: usize = 9;
 const MOST_OF_ONE: usize = 45;
+/// Basis functions along one of two covariates where functions are fine along the other, and most of these.
+const COARSE: usize = 4;
+const FINE: usize = 16;
 /// Form in which functions of two covariates are compared: those of the other forms differ by a power of depth.
 const FORM_OF_PAIRS: On = On::Factor;
 /// Most quantities that users record of which there are functions of pairs.
@@ -179,6 +182,28 @@ impl Dictionary {
         pairs.filter(is_new).collect()
     }
 
+    /// Functions of it, by their numbers, and then those of two covariates that are fine along one of them, which are many and
+    /// wide.
+    pub fn with_fine_pairs(&self, functions: &[usize]) -> Self {
+        let known = functions.iter().filter_map(|number| self.functions.get(*number).cloned());
+        let mut wide = Self { functions: known.collect(), ..self.clone() };
+        let count_along = |covariate: C| {
+            let alone = self.smooth.iter().find(|smooth| smooth.covariate == covariate);
+            alone.map_or(0, |smooth| smooth.axis.count.min(FINE))
+        };
+        let cut = |smooth: &Smooth, count: usize| Smooth { axis: Axis { count, ..smooth.axis }, ..*smooth };
+        for [a, b] in self.pairs() {
+            for (along, across) in [(a, b), (b, a)] {
+                let count = count_along(along.covariate);
+                if count > OF_PAIRS {
+                    let splines = vec![cut(&along, count), cut(&across, COARSE)];
+                    wide.functions.push(Function::compared(splines, None));
+                }
+            }
+        }
+        wide
+    }
+
     /// Functions of it, by their numbers, and then those that may take their places: finer ones and those of other forms; for a
     /// function of two covariates also products of a function of one with the other, and functions of each alone.
     pub fn with_alternatives(&self, functions: &[usize]) -> Self {
@@ -209,8 +234,12 @@ impl Dictionary {
         let mut finer = self.clone();
         for function in &mut finer.functions {
             let most = if function.splines.len() > 1 { MOST_OF_PAIRS } else { MOST_OF_ONE };
-            for Smooth { axis, .. } in &mut function.splines {
-                axis.count = ((axis.count - CUBIC) * times + CUBIC).min(most.max(axis.count));
+            for place in 0..function.splines.len() {
+                // A formula has a limit of parameters.
+                let across = function.count() / function.splines[place].axis.count;
+                let axis = &mut function.splines[place].axis;
+                let most = most.max(axis.count).min(MOST_PARAMETERS / across);
+                axis.count = ((axis.count - CUBIC) * times + CUBIC).min(most);
             }
         }
         finer

@@ -13,7 +13,7 @@ mod tests;
 use depthcal_io::DiagnosisSearched;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera, Register};
-use depthcal_solver::additive::{Found, certain, grown};
+use depthcal_solver::additive::{Found, certain, grown, widened};
 use tracing::info;
 
 use self::description::{FINEST, descriptions};
@@ -79,12 +79,24 @@ pub fn searched(fit: &CalibratedCamera) -> Option<DiagnosisSearched> {
 /// that say as much.
 fn functions_of(observations: &Observations) -> (Dictionary, Vec<Found>) {
     let dictionary = Dictionary::of(observations);
-    let sets = grown(&dictionary.model(observations));
-    let compared = sets.iter().map(|set| {
-        let alternatives = dictionary.with_alternatives(set);
-        let known: Vec<usize> = (0..set.len()).collect();
-        let (functions, gain) = certain(&alternatives.model(observations), &known);
-        (alternatives, functions, gain)
+    let mut sets = grown(&dictionary.model(observations));
+    if sets.is_empty() {
+        // A fine function may be seen where no other is.
+        sets.push(Vec::new());
+    }
+    let compared = sets.iter().flat_map(|set| {
+        let wide = dictionary.with_fine_pairs(set);
+        let numbers: Vec<usize> = (0..wide.functions.len()).collect();
+        let (known, candidates) = numbers.split_at(set.len());
+        // Where the fine functions are chance after all, what they took the place of counts.
+        let mut compared = vec![known.to_vec(), widened(&wide.model(observations), known, candidates)];
+        compared.dedup();
+        compared.into_iter().map(move |members| {
+            let alternatives = wide.with_alternatives(&members);
+            let places: Vec<usize> = (0..members.len()).collect();
+            let (functions, gain) = certain(&alternatives.model(observations), &places);
+            (alternatives, functions, gain)
+        })
     });
     let best = compared.max_by(|a, b| a.2.total_cmp(&b.2));
     match best {

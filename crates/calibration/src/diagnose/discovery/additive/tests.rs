@@ -107,3 +107,13 @@ fn a_function_is_described_by_a_spline_with_a_name_of_its_own() {
     assert!(components[0].description.is_smooth_function() && !components[0].description.confirmed);
     assert!(components[0].share > 0.1, "{}", components[0].share);
 }
+
+/// The wave is finer than the functions of any two covariates are, and its product with the other covariate has no mean: it shows
+/// only in a function that is fine along one of the two.
+#[test]
+fn a_fine_function_times_another_is_found() {
+    let wave = |x: f64| (2.0 * std::f64::consts::PI * x / 0.3).sin();
+    let bump = |z: f64| (-((z - 1400.0) / 350.0).powi(2)).exp() - 0.35;
+    let components = described(&observations(4, |ray, z| 6.0 * wave(ray[0]) * bump(z)), &[]);
+    assert_eq!(covariates(&components), [BTreeSet::from([C::X, C::Z])]);
+}
