@@ -111,7 +111,7 @@ impl Search<'_> {
         pairs.sort_by(|a, b| b.1.total_cmp(&a.1));
         pairs.truncate(STARTS);
         let single = self.additions(&[]).into_iter().take(1).map(|(group, gain)| (vec![group], gain));
-        let starts = pairs.into_iter().chain(single).filter(|(_, gain)| *gain > self.least_gain());
+        let starts = pairs.into_iter().chain(single).filter(|(_, gain)| *gain > least_gain(self.rows));
         starts.inspect(|(start, gain)| debug!("additive: {} gains {gain:.1}", self.words(start))).map(|s| s.0).collect()
     }
 
@@ -123,7 +123,9 @@ impl Search<'_> {
             self.blocks.choose_strengths(&members, self.model);
             let gain = self.blocks.gain(&members);
             match self.additions(&members).first() {
-                Some((group, with)) if members.len() < MOST && *with > gain + self.least_gain() => members.push(*group),
+                Some((group, with)) if members.len() < MOST && *with > gain + least_gain(self.rows) => {
+                    members.push(*group)
+                }
                 _ => {
                     members.sort_unstable();
                     return members;
@@ -234,7 +236,7 @@ impl Search<'_> {
             });
             // A block of consecutive clusters is an extrapolation of a function of time: there it must not lose.
             let gains = if self.is_sequential(*member) { &interleaved } else { &in_blocks };
-            let is_certain = is_certain(gains, self.least_gain()) && in_blocks.iter().sum::<f64>() > 0.0;
+            let is_certain = is_certain(gains, least_gain(self.rows)) && in_blocks.iter().sum::<f64>() > 0.0;
             let p_value = signed_rank_p_value(gains);
             debug!(
                 "additive: {} given {}: gain {:.1}, p {p_value:.2e}, {:.2} of clusters, certain: {is_certain}",
@@ -246,11 +248,6 @@ impl Search<'_> {
             (!is_certain).then_some((place, p_value))
         });
         uncertain.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
-    }
-
-    /// Least fall of the cost of left-out clusters by a function given all others.
-    fn least_gain(&self) -> f64 {
-        least_gain(self.rows)
     }
 
     fn is_sequential(&self, group: usize) -> bool {

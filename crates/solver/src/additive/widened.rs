@@ -45,6 +45,7 @@ fn changed(model: &Additive<'_>, members: &[usize], candidates: &[usize]) -> Opt
     beside.sort_by(|a, b| b.1.total_cmp(&a.1));
     beside.truncate(PROMISING);
     let changes = |candidate: &usize| {
+        // Computed again: the products of all candidates would take much memory.
         let (blocks, with, gain_joined) = joined(candidate)?;
         let without = |place: usize| {
             let left: Vec<usize> = (0..with.len()).filter(|other| *other != place).collect();
