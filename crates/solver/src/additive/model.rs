@@ -100,6 +100,11 @@ impl Additive<'_> {
         self.clusters.iter().map(|cluster| cluster.rows.matrix().nrows()).sum()
     }
 
+    /// Words for some of its groups.
+    pub(super) fn words(&self, groups: &[usize]) -> String {
+        groups.iter().map(|group| self.groups[*group].words.as_str()).collect::<Vec<_>>().join(" + ")
+    }
+
     /// The model with some of its groups, in this order.
     pub fn with_groups(&self, groups: &[usize]) -> Additive<'_> {
         Additive {

@@ -112,7 +112,10 @@ impl Search<'_> {
         pairs.truncate(STARTS);
         let single = self.additions(&[]).into_iter().take(1).map(|(group, gain)| (vec![group], gain));
         let starts = pairs.into_iter().chain(single).filter(|(_, gain)| *gain > least_gain(self.rows));
-        starts.inspect(|(start, gain)| debug!("additive: {} gains {gain:.1}", self.words(start))).map(|s| s.0).collect()
+        starts
+            .inspect(|(start, gain)| debug!("additive: {} gains {gain:.1}", self.model.words(start)))
+            .map(|s| s.0)
+            .collect()
     }
 
     /// The members with others that gain most, each exchanged against all groups.
@@ -240,8 +243,8 @@ impl Search<'_> {
             let p_value = signed_rank_p_value(gains);
             debug!(
                 "additive: {} given {}: gain {:.1}, p {p_value:.2e}, {:.2} of clusters, certain: {is_certain}",
-                self.words(&[*member]),
-                self.words(&others),
+                self.model.words(&[*member]),
+                self.model.words(&others),
                 gains.iter().sum::<f64>(),
                 share_above_zero(gains)
             );
@@ -268,10 +271,6 @@ impl Search<'_> {
             LeftOutParts::new(normals.clone(), self.model.shared(), parts).gains(&penalty)
         };
         [gains(&|cluster| block_of(cluster, count)), gains(&|cluster| cluster % blocks_of(count))]
-    }
-
-    fn words(&self, groups: &[usize]) -> String {
-        groups.iter().map(|group| self.model.groups[*group].words.as_str()).collect::<Vec<_>>().join(" + ")
     }
 }
 

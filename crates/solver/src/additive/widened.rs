@@ -8,7 +8,7 @@ use super::blocks::Blocks;
 use super::model::Additive;
 use super::search::{MOST, least_gain};
 
-/// Candidates that are compared in the place of members: those that gain most beside these.
+/// Candidates that are tried in place of a member: those that gain most when they join all members.
 const PROMISING: usize = 8;
 /// Share of the gain of the members by which a change has to raise it: the best of many wide functions gains by chance.
 const LEAST_RISE: f64 = 0.1;
@@ -63,9 +63,7 @@ fn changed(model: &Additive<'_>, members: &[usize], candidates: &[usize]) -> Opt
     let promising: Vec<usize> = beside.into_iter().map(|(candidate, _)| candidate).collect();
     let compared: Vec<(Vec<usize>, f64)> = promising.par_iter().filter_map(changes).collect();
     let best = compared.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let words =
-        |set: &[usize]| set.iter().map(|group| model.groups[*group].words.as_str()).collect::<Vec<_>>().join(" + ");
-    debug!("additive: {} gains {gain:.1}, {} {:.1}", words(members), words(&best.0), best.1);
+    debug!("additive: {} gains {gain:.1}, {} {:.1}", model.words(members), model.words(&best.0), best.1);
     (best.1 > least).then_some(best.0)
 }
 

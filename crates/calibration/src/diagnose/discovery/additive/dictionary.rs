@@ -32,9 +32,10 @@ const OF_PAIRS: usize = 6;
 /// … where they are finer, and of functions of one covariate: formulas have a limit of parameters.
 const MOST_OF_PAIRS: usize = 9;
 const MOST_OF_ONE: usize = 45;
-/// Basis functions along one of two covariates where functions are fine along the other, and most of these.
-const COARSE: usize = 4;
+/// Most basis functions along the one of two covariates along which a function is fine …
 const FINE: usize = 16;
+/// … and the number along the other.
+const COARSE: usize = 4;
 /// Form in which functions of two covariates are compared: those of the other forms differ by a power of depth.
 const FORM_OF_PAIRS: On = On::Factor;
 /// Most quantities that users record of which there are functions of pairs.
@@ -82,6 +83,11 @@ fn scaled(covariate: C, value: f64) -> f64 {
 }
 
 impl Smooth {
+    /// The covariate cut into so many basis functions.
+    fn with_count(self, count: usize) -> Self {
+        Self { axis: Axis { count, ..self.axis }, ..self }
+    }
+
     /// The covariate as the axis has it.
     fn coordinate(&self, sample: &Sample) -> f64 {
         scaled(self.covariate, sample.value(self.covariate, self.of))
@@ -166,15 +172,17 @@ impl Dictionary {
         dictionary
     }
 
+    /// A covariate as functions of it alone have it.
+    fn alone(&self, covariate: C) -> Option<Smooth> {
+        self.smooth.iter().find(|smooth| smooth.covariate == covariate).copied()
+    }
+
     /// The pairs of covariates of which there are functions of two.
     fn pairs(&self) -> Vec<[Smooth; 2]> {
         let quantities = self.covariates.iter().filter(|c| matches!(c, C::Quantity(_)));
         let unpaired: Vec<C> = quantities.skip(PAIRED_QUANTITIES).copied().collect();
         let takes_part = |smooth: &&Smooth| smooth.of == Of::True && !unpaired.contains(&smooth.covariate);
-        let coarse = |smooth: &Smooth| {
-            let count = smooth.axis.count.min(OF_PAIRS);
-            Smooth { axis: Axis { count, ..smooth.axis }, ..*smooth }
-        };
+        let coarse = |smooth: &Smooth| smooth.with_count(smooth.axis.count.min(OF_PAIRS));
         let smooth: Vec<Smooth> = self.smooth.iter().filter(takes_part).map(coarse).collect();
         let pairs = smooth.iter().enumerate().flat_map(|(place, a)| smooth[place + 1..].iter().map(|b| [*a, *b]));
         // Radius is a function of x and y.
@@ -187,16 +195,11 @@ impl Dictionary {
     pub fn with_fine_pairs(&self, functions: &[usize]) -> Self {
         let known = functions.iter().filter_map(|number| self.functions.get(*number).cloned());
         let mut wide = Self { functions: known.collect(), ..self.clone() };
-        let count_along = |covariate: C| {
-            let alone = self.smooth.iter().find(|smooth| smooth.covariate == covariate);
-            alone.map_or(0, |smooth| smooth.axis.count.min(FINE))
-        };
-        let cut = |smooth: &Smooth, count: usize| Smooth { axis: Axis { count, ..smooth.axis }, ..*smooth };
         for [a, b] in self.pairs() {
             for (along, across) in [(a, b), (b, a)] {
-                let count = count_along(along.covariate);
+                let count = self.alone(along.covariate).map_or(0, |smooth| smooth.axis.count.min(FINE));
                 if count > OF_PAIRS {
-                    let splines = vec![cut(&along, count), cut(&across, COARSE)];
+                    let splines = vec![along.with_count(count), across.with_count(COARSE)];
                     wide.functions.push(Function::compared(splines, None));
                 }
             }
@@ -211,12 +214,11 @@ impl Dictionary {
             functions.iter().filter_map(|number| self.functions.get(*number).cloned()).collect();
         let mut all = Self { functions: functions.clone(), ..self.clone() };
         all.functions.extend(all.finer(2).functions);
-        let singly = |covariate: C| self.smooth.iter().find(|smooth| smooth.covariate == covariate).copied();
         for function in &functions {
             all.add_in_all_forms(function);
             if let [a, b] = &function.splines[..] {
                 for (along, across) in [(a, b), (b, a)] {
-                    let Some(smooth) = singly(along.covariate) else { continue };
+                    let Some(smooth) = self.alone(along.covariate) else { continue };
                     all.add_in_all_forms(&Function::compared(vec![smooth], None));
                     if let Some(factor) = self.factors.iter().find(|(covariate, _)| *covariate == across.covariate) {
                         all.add_in_all_forms(&Function::compared(vec![smooth], Some(*factor)));

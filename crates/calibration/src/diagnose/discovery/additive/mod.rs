@@ -89,9 +89,9 @@ fn functions_of(observations: &Observations) -> (Dictionary, Vec<Found>) {
         let numbers: Vec<usize> = (0..wide.functions.len()).collect();
         let (known, candidates) = numbers.split_at(set.len());
         // Where the fine functions are chance after all, what they took the place of counts.
-        let mut compared = vec![known.to_vec(), widened(&wide.model(observations), known, candidates)];
-        compared.dedup();
-        compared.into_iter().map(move |members| {
+        let mut versions = vec![known.to_vec(), widened(&wide.model(observations), known, candidates)];
+        versions.dedup();
+        versions.into_iter().map(move |members| {
             let alternatives = wide.with_alternatives(&members);
             let places: Vec<usize> = (0..members.len()).collect();
             let (functions, gain) = certain(&alternatives.model(observations), &places);
