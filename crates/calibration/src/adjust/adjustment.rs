@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use depthcal_model::Camera;
 use depthcal_solver::score::{Candidate, Linearization, ScoreError};
 use depthcal_solver::{
-    BatchId, Covariance, CovarianceError, CovarianceOptions, Graph, Key, LinearSolver, NoiseError, Options, Prior,
-    Report, SolveError, Values, VariableId, minimize,
+    BatchId, Covariance, CovarianceError, CovarianceOptions, Damping, Graph, Key, LinearSolver, NoiseError, Options,
+    Prior, Report, SolveError, Values, VariableId, minimize,
 };
 use nalgebra::{DMatrix, DVector, Isometry3};
 
@@ -21,6 +21,9 @@ use super::smoothness_prior::{Smoothness, SmoothnessBatch, rows_of_smooth_functi
 use super::state::{CameraState, State};
 use crate::observe::noise::NoiseModel;
 use crate::observe::{AdjustableFrame, CameraFrames};
+
+/// Damping at the start, relative to the largest diagonal entry of the scaled normal matrix, near the minimum: next to none.
+const NEAR: f64 = 1e-8;
 
 /// A calibration problem on a factor graph: a pose of the board per frame, extrinsics per camera but the reference, and a
 /// variable per parameter block. Board pieces of the same name are one variable of all cameras: there is one board.
@@ -227,9 +230,22 @@ impl Adjustment {
     ///
     /// [`SolveError`].
     pub fn solve_within(&mut self, decrease: f64) -> Result<Adjusted, SolveError> {
+        self.solve_damped(Damping::default(), decrease)
+    }
+
+    /// [`solve_within`](Self::solve_within) from start values that are near the minimum.
+    ///
+    /// # Errors
+    ///
+    /// [`SolveError`].
+    pub fn refine_within(&mut self, decrease: f64) -> Result<Adjusted, SolveError> {
+        self.solve_damped(Damping::Nielsen { tau: NEAR }, decrease)
+    }
+
+    fn solve_damped(&mut self, damping: Damping, decrease: f64) -> Result<Adjusted, SolveError> {
         // Poses see all nodes and no order of elimination by blocks is good: a minimum-degree order puts them last.
         let linear_solver = if self.by_node() { LinearSolver::SparseCholesky } else { LinearSolver::default() };
-        let options = Options { linear_solver, decrease_tolerance: decrease, ..Options::default() };
+        let options = Options { linear_solver, damping, decrease_tolerance: decrease, ..Options::default() };
         let solution = minimize(&self.graph, self.values.clone(), &options)?;
         self.values = solution.values;
         Ok(Adjusted {

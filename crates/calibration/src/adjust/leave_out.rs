@@ -64,7 +64,7 @@ pub fn camera_of_frames<F: AdjustableFrame>(
 ) -> Option<Camera> {
     let mut adjustment =
         Adjustment::new(capture, camera, noise, true).with_smoothness(smoothness).with_prior(of_camera);
-    let adjusted = adjustment.solve_within(DECREASE).ok()?;
+    let adjusted = adjustment.refine_within(DECREASE).ok()?;
     let is_converged = adjusted.report.converged;
     adjusted.cameras.into_iter().next().filter(|_| is_converged).map(|adjusted| adjusted.camera)
 }

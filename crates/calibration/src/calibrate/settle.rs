@@ -61,7 +61,12 @@ pub(super) fn settle<F: AdjustableFrame>(
         rounds.number += 1;
         state.take_motions();
         let mut adjustment = Adjustment::of_state(&state, rules.with_depth)?;
-        let adjusted = adjustment.solve_within(if rounds.number == 1 { FIRST_DECREASE } else { LAST_DECREASE })?;
+        let adjusted = match rounds.number {
+            // Images alone start from homographies; depth starts from images, or from a fit before.
+            1 if !rules.with_depth => adjustment.solve_within(FIRST_DECREASE),
+            1 => adjustment.refine_within(FIRST_DECREASE),
+            _ => adjustment.refine_within(LAST_DECREASE),
+        }?;
         debug!("round {}: {} iterations", rounds.number, adjusted.report.iterations);
         adjusted.give(&mut state);
         if rounds.number <= ROUNDS_WITH_REPAIR && repaired(&mut state, rules, rounds.attempt(), &adjusted)? {

@@ -73,7 +73,7 @@ impl JointFit {
     /// AIC and BIC of the model, adjusted again with the weights that `noise` gives; `None` where the adjustment fails.
     fn criteria(self, noise: &NoiseModel) -> Option<[f64; 2]> {
         let state = State::of_camera(CameraState { noise: *noise, ..self.state });
-        let adjusted = Adjustment::of_state(&state, true).ok()?.solve_within(DECREASE).ok()?;
+        let adjusted = Adjustment::of_state(&state, true).ok()?.refine_within(DECREASE).ok()?;
         let AdjustedCamera { image_residuals, depth_residuals, .. } = adjusted.cameras.first()?;
         let loss = Loss::Huber { delta: HUBER };
         // The samples of a frame are not independent: together they count as fewer.

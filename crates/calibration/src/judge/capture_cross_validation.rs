@@ -67,7 +67,7 @@ fn markers_of_frames(state: &State) -> Vec<usize> {
 /// The cameras that some frames determine, from the values of the adjustment of all.
 fn adjusted(mut state: State) -> Result<Vec<PlacedCamera>, CalibrateError> {
     state.take_motions();
-    let adjusted = Adjustment::of_state(&state, true)?.solve_within(DECREASE)?;
+    let adjusted = Adjustment::of_state(&state, true)?.refine_within(DECREASE)?;
     if !adjusted.has_converged() {
         return Err(CalibrateError::NotConverged { reason: adjusted.report.termination.to_string() });
     }

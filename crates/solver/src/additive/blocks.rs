@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, RealField};
 use rayon::prelude::*;
 
 use super::axis::SUPPORT;
@@ -16,22 +16,30 @@ const STRENGTHS: [f64; 5] = [1e-5, 1e-4, 1e-3, STRENGTH, 1e-1];
 /// Share of its information that a group has to keep where the shared parameters are free: else it is one of these.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// A cost in the columns of all groups: gᵀw + ½ wᵀHw.
-struct Quadratic {
-    /// In single precision: there are two for every block, and the penalties are far above its rounding.
-    hessian: DMatrix<f32>,
-    gradient: DVector<f64>,
-}
-
-/// The costs of the clusters without a block, and of the block, with the shared parameters at the optimum of the former.
+/// A block of clusters against all others. With the shared parameters at the optimum of the others, the cost of either is, up to
+/// a constant, gᵀw + ½ wᵀHw in the columns w of all groups.
 struct LeftOut {
-    fitted: Quadratic,
-    held_out: Quadratic,
+    /// Products of the block's columns with each other, in single precision: there is one for every block, and the penalties are
+    /// far above its rounding.
+    own: DMatrix<f32>,
+    /// The products that the shared parameters take from the others are those of its columns.
+    taken: DMatrix<f64>,
+    /// g of the others.
+    gradient: DVector<f64>,
+    /// By how much the shared parameters fall with every column.
+    carried: DMatrix<f64>,
+    /// Products of the shared parameters in the block, with each other and with the columns.
+    shared: DMatrix<f64>,
+    cross: DMatrix<f64>,
+    /// g of the block.
+    held_out_gradient: DVector<f64>,
 }
 
 /// The products of all columns by blocks of clusters.
 pub(super) struct Blocks {
     ranges: Vec<Range<usize>>,
+    /// Products of all columns with each other, over all clusters.
+    total: DMatrix<f32>,
     left_out: Vec<LeftOut>,
     information: Vec<Information>,
     /// Penalty of every group.
@@ -50,21 +58,13 @@ pub(super) fn blocks_of(clusters: usize) -> usize {
     BLOCKS.min(clusters)
 }
 
-/// The products of a block.
-struct OfBlock {
-    /// Of the columns with each other, in single precision: there is one for every block.
-    own: DMatrix<f32>,
-    /// All others.
-    others: Products,
-}
-
 /// Normal equations over the shared parameters and the columns of all groups.
-struct Products {
+struct Products<T> {
     shared: DMatrix<f64>,
     shared_gradient: DVector<f64>,
     cross: DMatrix<f64>,
-    /// The lower triangle, by groups.
-    own: DMatrix<f64>,
+    /// Of the columns with each other.
+    own: DMatrix<T>,
     gradient: DVector<f64>,
     /// Sum of every column's entries over the rows.
     sums: Vec<f64>,
@@ -84,10 +84,9 @@ impl Blocks {
             let mut products = Products::zeros(model.shared(), width);
             let clusters = model.clusters.iter().enumerate().filter(|(i, _)| block_of(*i, count) == block);
             clusters.for_each(|(_, cluster)| products.add(cluster, &model.groups, &ranges));
-            products.own.fill_upper_triangle_with_lower_triangle();
-            OfBlock { own: products.own.cast(), others: Products { own: DMatrix::zeros(0, 0), ..products } }
+            products.in_single_precision()
         };
-        let products: Vec<OfBlock> = (0..blocks).into_par_iter().map(of_block).collect();
+        let products: Vec<Products<f32>> = (0..blocks).into_par_iter().map(of_block).collect();
         let mut total = Products::zeros(model.shared(), width);
         products.iter().for_each(|block| total.sum(block));
         let visible = total.visible()?;
@@ -95,7 +94,7 @@ impl Blocks {
             ranges.iter().map(|columns| columns.clone().map(diagonal).sum()).collect()
         };
         let information = trace(&|i| visible[i]);
-        let alone = trace(&|i| total.own[(i, i)]);
+        let alone = trace(&|i| f64::from(total.own[(i, i)]));
         let tested = (0..information.len()).filter(|g| information[*g] > LEAST_SHARE * alone[*g]).collect();
         let of_group = |(columns, total_of_group): (&Range<usize>, f64)| {
             let sums = DVector::from_column_slice(&total.sums[columns.clone()]);
@@ -104,8 +103,8 @@ impl Blocks {
         let information: Vec<Information> = ranges.iter().zip(information).map(of_group).collect();
         let penalty = |(group, information): (&Group, &Information)| information.penalty(group, STRENGTH);
         let penalties = model.groups.iter().zip(&information).map(penalty).collect();
-        let left_out: Option<Vec<LeftOut>> = products.into_par_iter().map(|block| total.leaving_out(&block)).collect();
-        Some(Self { ranges, left_out: left_out?, information, penalties, tested })
+        let left_out: Option<Vec<LeftOut>> = products.into_par_iter().map(|block| total.leaving_out(block)).collect();
+        Some(Self { ranges, total: total.own, left_out: left_out?, information, penalties, tested })
     }
 
     /// Chooses the strengths of the penalties of some groups that predict the blocks best, one after the other.
@@ -124,26 +123,26 @@ impl Blocks {
     /// The groups that are no members, sorted: first the one that, fitted with the members, lowers the cost most. The first block
     /// takes no part.
     pub fn most_promising(&self, members: &[usize]) -> Vec<usize> {
-        let fitted = &self.left_out[0].fitted;
+        let (total, others) = (&self.total, &self.left_out[0]);
         let columns: Vec<usize> = members.iter().flat_map(|g| self.ranges[*g].clone()).collect();
         let mut of_members = block_diagonal(members.iter().map(|g| &self.penalties[*g]));
-        of_members += fitted.part(&columns, &columns);
+        of_members += others.part(total, &columns, &columns);
         let Some(factor) = of_members.cholesky() else { return Vec::new() };
         let lower = factor.l();
         let solved = |matrix: &DMatrix<f64>| lower.solve_lower_triangular(matrix);
-        let Some(pull) = solved(&DMatrix::from_fn(columns.len(), 1, |i, _| fitted.gradient[columns[i]])) else {
+        let Some(pull) = solved(&DMatrix::from_fn(columns.len(), 1, |i, _| others.gradient[columns[i]])) else {
             return Vec::new();
         };
         let fall = |group: usize| {
             let of_group: Vec<usize> = self.ranges[group].clone().collect();
-            let cross = solved(&fitted.part(&columns, &of_group))?;
-            let mut left = &self.penalties[group] + fitted.part(&of_group, &of_group);
+            let cross = solved(&others.part(total, &columns, &of_group))?;
+            let mut left = &self.penalties[group] + others.part(total, &of_group, &of_group);
             left.gemm(-1.0, &cross.transpose(), &cross, 1.0);
-            let gradient = DVector::from_fn(of_group.len(), |i, _| fitted.gradient[of_group[i]]) - cross.tr_mul(&pull);
+            let gradient = DVector::from_fn(of_group.len(), |i, _| others.gradient[of_group[i]]) - cross.tr_mul(&pull);
             Some((group, gradient.dot(&left.cholesky()?.solve(&gradient))))
         };
-        let others = self.tested.par_iter().copied().filter(|group| !members.contains(group));
-        let mut falls: Vec<(usize, f64)> = others.filter_map(fall).collect();
+        let candidates = self.tested.par_iter().copied().filter(|group| !members.contains(group));
+        let mut falls: Vec<(usize, f64)> = candidates.filter_map(fall).collect();
         falls.sort_by(|a, b| b.1.total_cmp(&a.1));
         falls.into_iter().map(|(group, _)| group).collect()
     }
@@ -152,39 +151,42 @@ impl Blocks {
     pub fn gain(&self, groups: &[usize]) -> f64 {
         let columns: Vec<usize> = groups.iter().flat_map(|g| self.ranges[*g].clone()).collect();
         let penalty = block_diagonal(groups.iter().map(|g| &self.penalties[*g]));
-        self.left_out.iter().map(|part| part.gain(&columns, &penalty)).sum()
-    }
-}
-
-impl Quadratic {
-    /// Some rows and columns of the matrix.
-    fn part(&self, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
-        let mut part = DMatrix::zeros(rows.len(), columns.len());
-        for (j, column) in columns.iter().enumerate() {
-            let of_column = self.hessian.column(*column);
-            (0..rows.len()).for_each(|i| part[(i, j)] = f64::from(of_column[rows[i]]));
-        }
-        part
+        self.left_out.iter().map(|part| part.gain(&self.total, &columns, &penalty)).sum()
     }
 }
 
 impl LeftOut {
-    fn gain(&self, columns: &[usize], penalty: &DMatrix<f64>) -> f64 {
-        let n = columns.len();
-        let hessian = self.fitted.part(columns, columns) + penalty;
-        let Some(factor) = hessian.cholesky() else { return 0.0 };
-        let step = factor.solve(&DVector::from_fn(n, |i, _| -self.fitted.gradient[columns[i]]));
-        let mut change = 0.0;
+    /// Some rows and columns of H of the others, given the products of all clusters.
+    fn part(&self, total: &DMatrix<f32>, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
+        let mut part = DMatrix::zeros(rows.len(), columns.len());
         for (j, column) in columns.iter().enumerate() {
-            let of_column = self.held_out.hessian.column(*column);
+            let (of_all, of_block) = (total.column(*column), self.own.column(*column));
+            (0..rows.len()).for_each(|i| part[(i, j)] = f64::from(of_all[rows[i]] - of_block[rows[i]]));
+        }
+        let (of_rows, of_columns) = (self.taken.select_columns(rows).transpose(), self.taken.select_columns(columns));
+        part.gemm(-1.0, &of_rows, &of_columns, 1.0);
+        part
+    }
+
+    /// Fall of the block's cost with the columns at the optimum of the others.
+    fn gain(&self, total: &DMatrix<f32>, columns: &[usize], penalty: &DMatrix<f64>) -> f64 {
+        let n = columns.len();
+        let hessian = self.part(total, columns, columns) + penalty;
+        let Some(factor) = hessian.cholesky() else { return 0.0 };
+        let step = factor.solve(&DVector::from_fn(n, |i, _| -self.gradient[columns[i]]));
+        let along = |matrix: &DMatrix<f64>| matrix.select_columns(columns) * &step;
+        let (fallen, cross) = (along(&self.carried), along(&self.cross));
+        let mut change = fallen.dot(&(0.5 * &self.shared * &fallen - cross));
+        for (j, column) in columns.iter().enumerate() {
+            let of_column = self.own.column(*column);
             let product: f64 = (0..n).map(|i| f64::from(of_column[columns[i]]) * step[i]).sum();
-            change += step[j] * (self.held_out.gradient[*column] + 0.5 * product);
+            change += step[j] * (self.held_out_gradient[*column] + 0.5 * product);
         }
         if change.is_finite() { -change } else { 0.0 }
     }
 }
 
-impl Products {
+impl<T: RealField> Products<T> {
     fn zeros(shared: usize, width: usize) -> Self {
         Self {
             shared: DMatrix::zeros(shared, shared),
@@ -195,17 +197,9 @@ impl Products {
             sums: vec![0.0; width],
         }
     }
+}
 
-    fn sum(&mut self, block: &OfBlock) {
-        let OfBlock { own, others } = block;
-        self.shared += &others.shared;
-        self.shared_gradient += &others.shared_gradient;
-        self.cross += &others.cross;
-        self.own.iter_mut().zip(own.iter()).for_each(|(sum, product)| *sum += f64::from(*product));
-        self.gradient += &others.gradient;
-        self.sums.iter_mut().zip(&others.sums).for_each(|(sum, of_block)| *sum += of_block);
-    }
-
+impl Products<f64> {
     /// Adds the rows of a cluster. Columns are sparse until its own variables are eliminated, which takes off a product of
     /// low rank.
     fn add(&mut self, cluster: &Cluster<'_>, groups: &[Group], ranges: &[Range<usize>]) {
@@ -252,31 +246,43 @@ impl Products {
         self.shared_gradient += cluster.rows.gradient();
     }
 
+    /// Products of the columns with each other, of which the lower triangle is known by now, in both triangles.
+    fn in_single_precision(mut self) -> Products<f32> {
+        self.own.fill_upper_triangle_with_lower_triangle();
+        let Self { shared, shared_gradient, cross, own, gradient, sums } = self;
+        Products { shared, shared_gradient, cross, own: own.cast(), gradient, sums }
+    }
+}
+
+impl Products<f32> {
+    fn sum(&mut self, block: &Self) {
+        self.shared += &block.shared;
+        self.shared_gradient += &block.shared_gradient;
+        self.cross += &block.cross;
+        self.own += &block.own;
+        self.gradient += &block.gradient;
+        self.sums.iter_mut().zip(&block.sums).for_each(|(sum, of_block)| *sum += of_block);
+    }
+
     /// Information on every column that the shared parameters leave.
     fn visible(&self) -> Option<Vec<f64>> {
         let carried = self.shared.clone().cholesky()?.solve(&self.cross);
         let taken = |column: usize| self.cross.column(column).dot(&carried.column(column));
-        Some((0..self.own.ncols()).map(|column| self.own[(column, column)] - taken(column)).collect())
+        Some((0..self.own.ncols()).map(|column| f64::from(self.own[(column, column)]) - taken(column)).collect())
     }
 
-    /// The costs of all clusters but a block, and of the block.
-    fn leaving_out(&self, OfBlock { own, others: block }: &OfBlock) -> Option<LeftOut> {
+    /// A block, whose products are these, against all others, with `self` the sum over all blocks.
+    fn leaving_out(&self, block: Self) -> Option<LeftOut> {
         let factor = (&self.shared - &block.shared).cholesky()?;
         let cross = &self.cross - &block.cross;
+        let taken = factor.l_dirty().solve_lower_triangular(&cross)?;
         let carried = factor.solve(&cross);
         let step = factor.solve(&(&block.shared_gradient - &self.shared_gradient));
-        let mut fitted = self.own.zip_map(own, |all, of_block| all - f64::from(of_block));
-        fitted.gemm(-1.0, &cross.transpose(), &carried, 1.0);
         let gradient = &self.gradient - &block.gradient + cross.tr_mul(&step);
-        let fitted = Quadratic { hessian: fitted.cast(), gradient };
-        // With the shared parameters at `step` − `carried` w the block's cost is, up to a constant, this in w.
-        let mut held_out: DMatrix<f64> = own.clone().cast();
-        // What they add is CᵀSC − BᵀC − CᵀB = Cᵀ(SC − B) − BᵀC.
-        let left = &block.shared * &carried - &block.cross;
-        held_out.gemm(1.0, &carried.transpose(), &left, 1.0);
-        held_out.gemm(-1.0, &block.cross.transpose(), &carried, 1.0);
+        // With the shared parameters at `step` − `carried` w.
         let shared_gradient = &block.shared_gradient + &block.shared * &step;
-        let gradient = &block.gradient + block.cross.tr_mul(&step) - carried.tr_mul(&shared_gradient);
-        Some(LeftOut { fitted, held_out: Quadratic { hessian: held_out.cast(), gradient } })
+        let held_out_gradient = &block.gradient + block.cross.tr_mul(&step) - carried.tr_mul(&shared_gradient);
+        let Self { shared, cross, own, .. } = block;
+        Some(LeftOut { own, taken, gradient, carried, shared, cross, held_out_gradient })
     }
 }

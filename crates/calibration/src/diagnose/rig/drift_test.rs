@@ -91,7 +91,7 @@ fn with_drift(state: &State, camera: usize, drift: PlaceDrift) -> State {
 fn fitted(state: &State, camera: usize, drift: PlaceDrift) -> Result<Option<DriftTest>, DiagnoseError> {
     let with = with_drift(state, camera, drift);
     let mut adjustment = Adjustment::of_state(&with, true)?;
-    let adjusted = adjustment.solve_within(DECREASE)?;
+    let adjusted = adjustment.refine_within(DECREASE)?;
     let (Some(change), Some(variable)) = (adjusted.cameras[camera].drift, adjustment.drift_variable(camera)) else {
         return Ok(None);
     };

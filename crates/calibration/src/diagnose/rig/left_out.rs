@@ -26,7 +26,7 @@ pub(super) fn left_out(models: [&State; 2], camera: usize, folds: usize) -> Resu
         let held: Vec<bool> = (0..models[0].frames.len()).map(|i| i % folds == fold).collect();
         for (model, whole) in models.iter().enumerate() {
             let mut fitted = whole.subset(|i| !held[i]);
-            let adjusted = Adjustment::of_state(&fitted, true)?.solve_within(DECREASE)?;
+            let adjusted = Adjustment::of_state(&fitted, true)?.refine_within(DECREASE)?;
             adjusted.give(&mut fitted);
             let numbers: Vec<usize> = (0..held.len()).filter(|i| held[*i]).collect();
             for (frame, squares, count) in errors_given_the_others(&whole.subset(|i| held[i]), &fitted, camera)? {
@@ -72,7 +72,7 @@ fn errors_given_the_others(
     others.cameras[camera].frames.clear();
     let mut adjustment = Adjustment::of_state(&others, true)?;
     adjustment.hold_cameras();
-    let poses: Vec<Isometry3<f64>> = adjustment.solve_within(DECREASE)?.rig_from_board;
+    let poses: Vec<Isometry3<f64>> = adjustment.refine_within(DECREASE)?.rig_from_board;
     for (frame, pose) in given.frames.iter_mut().zip(&poses) {
         frame.rig_from_board = *pose;
     }
