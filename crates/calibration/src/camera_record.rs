@@ -1,14 +1,13 @@
 //! Between a camera in memory and its part of `calibration.json`.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use depthcal_formula::{FormulaEffect, FormulaError};
 use depthcal_io::{
     CAMERA, Calibration, CameraRecord, DiagnosisDeclaration, DriftRecord, NoiseRecord, ParameterRecord, PieceRecord,
     PriorUse, UsedPriorParameter,
 };
-use depthcal_model::{AnyPiece, Block, Camera, FormulaDefinition, Options, Placement, Register, RegisterError};
+use depthcal_model::{Block, Camera, Placement, Register, RegisterError};
 use depthcal_statistics::chi_squared_tail;
 use nalgebra::{DMatrix, DVector, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
@@ -142,7 +141,10 @@ pub fn camera_from_record(record: &CameraRecord, register: &Register) -> Result<
         } else {
             let placement = Placement { of: piece.of, on: piece.on };
             match &piece.formula {
-                Some(definition) => Block::new(formula_piece(definition, &piece.options, placement)?),
+                // Whatever the register has.
+                Some(of_file) => {
+                    Block::new(FormulaEffect::new(of_file.clone())?.placed_piece(&piece.options, placement)?)
+                }
                 None => Block::new(register.placed_piece(&piece.name, &piece.options, placement)?),
             }
         };
@@ -162,17 +164,6 @@ pub fn camera_from_record(record: &CameraRecord, register: &Register) -> Result<
     }
     let pinhole = pinhole.ok_or(RecordError::NoPinhole)?;
     Ok(Camera::from_blocks(record.width, record.height, pinhole, blocks))
-}
-
-/// The piece of a formula that a file carries, whatever the register has.
-fn formula_piece(
-    definition: &FormulaDefinition,
-    options: &Options,
-    placement: Placement,
-) -> Result<Arc<dyn AnyPiece>, RecordError> {
-    let mut register = Register::empty();
-    FormulaEffect::new(definition.clone())?.register(&mut register)?;
-    Ok(register.placed_piece(&definition.name, options, placement)?)
 }
 
 fn drift_of(record: &DriftRecord) -> PlaceDrift {

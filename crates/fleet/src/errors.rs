@@ -60,6 +60,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     use super::*;
+    use crate::conditions::Conditions;
     use crate::random_effects::UnitEstimate;
 
     fn units(depth: &[f64], image: f64) -> Vec<Unit> {
@@ -73,6 +74,7 @@ mod tests {
             reprojection_rms_px: Some(image),
             parameters: Vec::new(),
             estimate: UnitEstimate { value: DVector::zeros(0), covariance: DMatrix::zeros(0, 0) },
+            conditions: Conditions::default(),
             effects: Vec::new(),
             scores: None,
         };

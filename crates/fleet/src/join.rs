@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::effects::{EffectOutliers, Effects};
 use crate::error::{FEWEST_UNITS, FleetError};
 use crate::errors::large_errors;
+use crate::on_depth::on_depth;
 use crate::outliers::{Departure, OutlierSearch, find_outliers};
 use crate::random_effects::{RandomEffects, UnitEstimate};
 use crate::replication::replications;
@@ -80,6 +81,9 @@ pub fn join(units: Vec<Unit>, left_out: Vec<FleetLeftOut>, options: &FleetOption
     let effects = Effects { units: &units, kept: &is_alike, adopted: &adopted, level: options.level };
     let (found_effects, shared) = effects.all(&common);
     let of_effects = effects.outliers(&common, &shared);
+    let on_depth = on_depth(&units, &is_alike, &common);
+    let mut replications = replications(&units, &is_alike, &common, options.level);
+    replications.retain(|r| r.relative_size.is_some() || !on_depth.iter().any(|compared| compared.effect == r.effect));
     let prior = prior(&units, &is_alike, &names, [&common, &adopted, &shared], &fit);
     let fleet = Fleet {
         units: units.iter().zip(&search.departures).map(|(u, d)| unit_record(u, d.as_ref())).collect(),
@@ -91,7 +95,8 @@ pub fn join(units: Vec<Unit>, left_out: Vec<FleetLeftOut>, options: &FleetOption
         common_factors: fit.factors,
         effects: found_effects,
         outliers: by_certainty(of_errors, outliers(&units, &names, &estimates, &search, &of_effects, tests)),
-        replications: replications(&units, &is_alike, &common, options.level),
+        replications,
+        on_depth,
     };
     Ok(Joined { fleet, prior })
 }

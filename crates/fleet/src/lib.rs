@@ -10,15 +10,18 @@
 //! | effects that all units share, or that differ, also where no unit alone shows them | `effects` |
 //! | which unit is unlike the others, and in what | [`outliers`], of its errors `errors` |
 //! | whether an effect that was found in one unit repeats in others | `replication` |
+//! | whether effects with constants of their own do the same to depth | `on_depth` |
 //! | a prior for the next unit, and the record | [`mod@join`] |
 //!
 //! [`read_units`] reads calibrations, [`join()`] answers. The mathematics with its sources is in docs/fleets.md. Everything is
 //! deterministic: nothing is resampled, and sums are taken in the order of the units.
 
+mod conditions;
 mod effects;
 mod error;
 mod errors;
 pub mod join;
+mod on_depth;
 pub mod outliers;
 pub mod random_effects;
 mod read;
@@ -27,6 +30,7 @@ mod scaled;
 pub mod significance;
 mod unit;
 
+pub use conditions::Conditions;
 pub use error::{FEWEST_UNITS, FleetError};
 pub use join::{FleetOptions, Joined, join};
 pub use random_effects::{RandomEffects, UnitEstimate};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{AddsTo, AnyPiece, FormulaDefinition, Options, PieceSpec, Placement, Register};
+use depthcal_model::{AddsTo, AnyPiece, FormulaDefinition, Options, PieceSpec, Placement, Register, RegisterError};
 
 use crate::content::Content;
 use crate::covariate::FormulaCovariate;
@@ -91,6 +91,18 @@ impl FormulaEffect {
         let name = crate::intern::text(self.name());
         register.add_any(name, self.hook(), move |options| effect.piece(options));
         Ok(())
+    }
+
+    /// The piece with these constants in a place and form.
+    ///
+    /// # Errors
+    ///
+    /// [`RegisterError`] where it has no such constant, or cannot be placed.
+    pub fn placed_piece(&self, options: &Options, placement: Placement) -> Result<Arc<dyn AnyPiece>, RegisterError> {
+        let (effect, name) = (self.clone(), crate::intern::text(self.name()));
+        let mut register = Register::empty();
+        register.add_any(name, self.hook(), move |options| effect.piece(options));
+        register.placed_piece(name, options, placement)
     }
 
     /// The values of its formulas as a function of the covariates.

@@ -18,6 +18,6 @@ pub use ranks::rank_correlation;
 pub use shared_structure::{PlacedValue, SharedOctave, family_p_values, shared_structure};
 pub use tails::{
     chi_squared_tail, chi_squared_upper_quantile, f_tail, gamma_tail, noncentral_chi_squared_tail, noncentrality,
-    normal_tail, student_quantile,
+    normal_tail, student_quantile, weighted_chi_squared_tail,
 };
 pub use thinning::Thinning;

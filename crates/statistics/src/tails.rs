@@ -18,6 +18,13 @@ pub fn gamma_tail(z: f64, skewness: f64) -> f64 {
     if x <= 0.0 { 1.0 } else { Gamma::new(shape, 1.0).map_or(f64::NAN, |d| d.sf(x)) }
 }
 
+/// P(Σ λ χ²₁ > x), given the sums of the λ, of their squares and of their cubes: the tail of the gamma distribution of the same
+/// first three moments.
+pub fn weighted_chi_squared_tail(x: f64, [sum, of_squares, of_cubes]: [f64; 3]) -> f64 {
+    let variance = 2.0 * of_squares;
+    gamma_tail((x - sum) / variance.sqrt(), 8.0 * of_cubes / variance.powf(1.5))
+}
+
 /// The quantile `q` in (0, 1) of Student's t; NaN of no degrees of freedom.
 pub fn student_quantile(q: f64, degrees: usize) -> f64 {
     StudentsT::new(0.0, 1.0, degrees as f64).map_or(f64::NAN, |d| d.inverse_cdf(q))

@@ -2,7 +2,7 @@
 
 use depthcal_model::uncertainty::{STEP, UncertainCamera};
 use depthcal_model::{Camera, Context};
-use depthcal_statistics::{gamma_tail, quantile};
+use depthcal_statistics::{quantile, weighted_chi_squared_tail};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
 
@@ -96,11 +96,8 @@ impl Propagated {
         }
         let (square, mean) = (&gram * &gram, gram.trace());
         let uncertain = mean > 0.0 && !valid.is_empty();
-        let p_value = uncertain.then(|| {
-            let variance = 2.0 * square.trace();
-            let skewness = 8.0 * square.dot(&gram) / variance.powf(1.5);
-            gamma_tail((mean_square - mean) / variance.sqrt(), skewness)
-        });
+        let traces = [mean, square.trace(), square.dot(&gram)];
+        let p_value = uncertain.then(|| weighted_chi_squared_tail(mean_square, traces));
         Size { rms: mean_square.sqrt(), expected_rms: uncertain.then(|| mean.sqrt()), p_value }
     }
 }

@@ -29,6 +29,9 @@ pub struct Fleet {
     pub outliers: Vec<FleetOutlier>,
     /// Effects in the units' models, formulas included, compared between the units that have them.
     pub replications: Vec<FleetReplication>,
+    /// Effects in the units' models with constants, places or forms of their own, compared by what they do to depth.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub on_depth: Vec<FleetOnDepth>,
 }
 
 result_file!(Fleet, "fleet.json", read_json, write_json);
@@ -213,4 +216,33 @@ pub struct FleetReplication {
     pub p_value: Option<f64>,
     /// Whether the other units confirm sign and size.
     pub confirmed: bool,
+}
+
+/// An effect that units have with constants, places or forms of their own, over image, distances, angles of incidence,
+/// amplitudes, temperatures and times of all of them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct FleetOnDepth {
+    /// Its name.
+    pub effect: String,
+    /// Root mean square of what it does to depth on average over the units, mm.
+    pub mean_mm: f64,
+    /// The units that have it.
+    pub units: Vec<FleetUnitOnDepth>,
+}
+
+/// Effect of a unit on depth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct FleetUnitOnDepth {
+    /// The unit.
+    pub name: String,
+    /// The effect as given to `calibrate --with`.
+    pub with: String,
+    /// Root mean square of what it does to depth, mm.
+    pub size_mm: f64,
+    /// Root mean square of the difference from the mean of the other units, mm.
+    pub difference_mm: f64,
+    /// The difference that the uncertainties of all units give alone, mm.
+    pub of_noise_mm: f64,
+    /// p-value of the difference under these uncertainties.
+    pub p_value: f64,
 }

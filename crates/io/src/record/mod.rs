@@ -59,8 +59,8 @@ pub use findings::{
     DiagnosisProposedFrame,
 };
 pub use fleet::{
-    Fleet, FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOutlier, FleetOutlierPart, FleetParameter,
-    FleetReplication, FleetUnit, FleetUnitValue,
+    Fleet, FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOnDepth, FleetOutlier, FleetOutlierPart, FleetParameter,
+    FleetReplication, FleetUnit, FleetUnitOnDepth, FleetUnitValue,
 };
 pub use lens_comparison::{ComparedLens, LensComparison};
 pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};

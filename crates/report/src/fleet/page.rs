@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use depthcal_io::{Fleet, Prior};
 
-use super::sentences::{joined, outlier, replication, scatter, shared_effect};
+use super::sentences::{joined, on_depth, outlier, replication, scatter, shared_effect};
 use crate::content::Content;
 use crate::format::{capital, count, number, p_value, quantity, shown_unit};
 use crate::html::escape;
@@ -33,6 +33,7 @@ pub fn render_fleet(fleet: &Fleet, prior: &Prior, how: &Made) -> Result<String, 
 fn first_screen(content: &mut Content, fleet: &Fleet) {
     let mut findings: Vec<String> = fleet.effects.iter().filter(|e| e.shared).map(shared_effect).collect();
     findings.extend(fleet.replications.iter().map(replication));
+    findings.extend(fleet.on_depth.iter().map(|compared| on_depth(compared, fleet.level)));
     findings.extend(fleet.outliers.iter().map(outlier));
     if fleet.outliers.is_empty() {
         findings.push("no unit is unlike the others".to_owned());

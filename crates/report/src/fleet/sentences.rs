@@ -1,6 +1,6 @@
 //! Findings of a fleet, in sentences that terminal and page share.
 
-use depthcal_io::{Fleet, FleetEffect, FleetOutlier, FleetParameter, FleetReplication};
+use depthcal_io::{Fleet, FleetEffect, FleetOnDepth, FleetOutlier, FleetParameter, FleetReplication, FleetUnitOnDepth};
 
 use crate::format::{count, join, number, p_equals, quantity};
 
@@ -121,5 +121,31 @@ pub(super) fn replication(r: &FleetReplication) -> String {
         r.effect,
         number(size),
         number(std)
+    )
+}
+
+/// Whether an effect with constants of the units' own does the same to depth in all of them; tested at a level for all units
+/// together.
+pub(super) fn on_depth(effect: &FleetOnDepth, level: f64) -> String {
+    let units = effect.units.len() as f64;
+    let differs = |unit: &&FleetUnitOnDepth| unit.p_value * units < level;
+    let difference = |unit: &FleetUnitOnDepth| {
+        format!(
+            "{} by {} rms where noise gives {}",
+            unit.name,
+            quantity(unit.difference_mm, "mm"),
+            quantity(unit.of_noise_mm, "mm")
+        )
+    };
+    let differences: Vec<String> = effect.units.iter().filter(differs).map(difference).collect();
+    let findings = match differences.is_empty() {
+        true => "the units differ by no more than their uncertainties".to_owned(),
+        false => format!("unlike the others: {}", join(&differences)),
+    };
+    format!(
+        "{} with constants of their own in {}: {} rms of depth on average; {findings}",
+        effect.effect,
+        count(effect.units.len(), "unit"),
+        quantity(effect.mean_mm, "mm")
     )
 }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use depthcal_io::Fleet;
 
-use super::sentences::{joined, outlier, replication, scatter, shared_effect};
+use super::sentences::{joined, on_depth, outlier, replication, scatter, shared_effect};
 use crate::format::{number, p_value, shown_unit};
 
 /// Columns that names of parameters take.
@@ -54,6 +54,9 @@ pub fn fleet_text(fleet: &Fleet) -> String {
     }
     for found in &fleet.replications {
         let _ = writeln!(t, "{}", replication(found));
+    }
+    for compared in &fleet.on_depth {
+        let _ = writeln!(t, "{}", on_depth(compared, fleet.level));
     }
     if fleet.outliers.is_empty() {
         let _ = writeln!(t, "no unit is unlike the others");

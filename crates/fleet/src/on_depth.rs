@@ -1,0 +1,288 @@
+//! Effects that units have with constants, a place or a form of their own, compared by what they do to depth: their parameters
+//! mean different things.
+
+use depthcal_io::{FleetOnDepth, FleetUnitOnDepth};
+use depthcal_model::uncertainty::STEP;
+use depthcal_model::{Camera, Context, Covariate, ScanKind};
+use depthcal_statistics::{quantile, rms, weighted_chi_squared_tail};
+use nalgebra::DMatrix;
+
+use crate::conditions::Conditions;
+use crate::unit::{EffectKey, Unit, UnitEffect};
+
+/// Pixels at which effects are compared, along the image and across, …
+const PIXELS: [usize; 2] = [6, 5];
+/// … number of distances, in equal ratios from the nearest board to the farthest, …
+const DISTANCES: usize = 5;
+/// … cosines of the angle of incidence, …
+const COSINES: [f64; 2] = [1.0, 0.7];
+/// … amplitudes, over the reference that the effects have on average, …
+const AMPLITUDES: [f64; 3] = [0.5, 1.0, 2.0];
+/// … and quantiles of the frames' temperatures and times.
+const QUANTILES: [f64; 3] = [0.1, 0.5, 0.9];
+
+/// A place on a ray under some conditions.
+struct Cell {
+    context: Context,
+    cos_incidence: f64,
+    depth_mm: f64,
+}
+
+/// The changes of depth at all cells by an effect, mm, and how these change along every direction of its uncertainty, by one
+/// standard deviation.
+struct OnDepth<'a> {
+    unit: &'a Unit,
+    effect: &'a UnitEffect,
+    values: Vec<f64>,
+    changes: Vec<Vec<f64>>,
+}
+
+impl<'a> OnDepth<'a> {
+    /// `None` where a cell has no value: the effect depends on something that calibrations do not keep.
+    fn of((unit, effect): (&'a Unit, &'a UnitEffect), cells: &[Cell]) -> Option<Self> {
+        let alone = effect.alone.as_ref()?;
+        let change = |cameras: [Camera; 2]| -> Vec<f64> {
+            let [plus, minus] = cameras.map(|camera| changes_of_depth(&camera, cells));
+            plus.iter().zip(minus).map(|(plus, minus)| (plus - minus) / (2.0 * STEP)).collect()
+        };
+        let values = changes_of_depth(&alone.camera, cells);
+        let changes: Vec<Vec<f64>> = alone.changed().into_iter().map(change).collect();
+        // Where a quantity is unknown some effects have no value, and others do nothing.
+        let all = || values.iter().chain(changes.iter().flatten());
+        let is_known = all().all(|value| value.is_finite()) && all().any(|value| *value != 0.0);
+        is_known.then_some(Self { unit, effect, values, changes })
+    }
+}
+
+/// Effects that at least two units that are alike have, not all of them with the same constants.
+pub(crate) fn on_depth(units: &[Unit], is_alike: &[bool], common: &[EffectKey]) -> Vec<FleetOnDepth> {
+    let alike: Vec<&Unit> = units.iter().zip(is_alike).filter(|(_, alike)| **alike).map(|(unit, _)| unit).collect();
+    let in_models = || alike.iter().flat_map(|unit| unit.effects.iter().filter(|e| e.in_model).map(|e| (*unit, e)));
+    let mut names: Vec<&str> = Vec::new();
+    for (_, effect) in in_models().filter(|(_, effect)| !common.contains(&effect.key)) {
+        if !names.contains(&effect.key.name.as_str()) {
+            names.push(&effect.key.name);
+        }
+    }
+    let of_name = |name: &&str| -> Option<FleetOnDepth> {
+        let members: Vec<(&Unit, &UnitEffect)> = in_models().filter(|(_, e)| e.key.name == **name).collect();
+        let differ = members.iter().any(|(_, effect)| effect.key != members[0].1.key);
+        if differ { compared(name, &members) } else { None }
+    };
+    names.iter().filter_map(of_name).collect()
+}
+
+/// The effects of a name compared; `None` where they depend on what calibrations do not keep.
+fn compared(name: &str, members: &[(&Unit, &UnitEffect)]) -> Option<FleetOnDepth> {
+    let cells = cells(members)?;
+    let known: Vec<OnDepth<'_>> = members.iter().filter_map(|member| OnDepth::of(*member, &cells)).collect();
+    if known.len() < 2 {
+        return None;
+    }
+    let mean = |cell: usize| known.iter().map(|of_unit| of_unit.values[cell]).sum::<f64>() / known.len() as f64;
+    Some(FleetOnDepth {
+        effect: name.to_owned(),
+        mean_mm: rms((0..cells.len()).map(mean)),
+        units: (0..known.len()).map(|place| against_others(&known, place)).collect(),
+    })
+}
+
+/// The effect of one unit on depth, against the mean of the others.
+fn against_others(all: &[OnDepth<'_>], place: usize) -> FleetUnitOnDepth {
+    let OnDepth { unit, effect, values, .. } = &all[place];
+    let of_others = 1.0 / (all.len() - 1) as f64;
+    let weight = |other: usize| if other == place { 1.0 } else { -of_others };
+    let difference: Vec<f64> =
+        (0..values.len()).map(|i| all.iter().enumerate().map(|(k, each)| weight(k) * each.values[i]).sum()).collect();
+    let changes: Vec<Vec<f64>> = all
+        .iter()
+        .enumerate()
+        .flat_map(|(k, each)| each.changes.iter().map(move |change| change.iter().map(|c| weight(k) * c).collect()))
+        .collect();
+    let changes = DMatrix::from_fn(values.len(), changes.len(), |cell, k| changes[k][cell]);
+    // Of the products of cells and of directions the smaller matrix: their traces are the same.
+    let gram =
+        if changes.ncols() < changes.nrows() { changes.tr_mul(&changes) } else { &changes * changes.transpose() };
+    let gram = gram / values.len() as f64;
+    let square = &gram * &gram;
+    let traces = [gram.trace(), square.trace(), square.dot(&gram)];
+    let difference_mm = rms(difference);
+    FleetUnitOnDepth {
+        name: unit.name.clone(),
+        with: effect.with.clone(),
+        size_mm: rms(values.iter().copied()),
+        difference_mm,
+        of_noise_mm: traces[0].sqrt(),
+        p_value: weighted_chi_squared_tail(difference_mm * difference_mm, traces),
+    }
+}
+
+/// The cells at which the effects of some units are compared; `None` where no unit has a board in front of it.
+fn cells(members: &[(&Unit, &UnitEffect)]) -> Option<Vec<Cell>> {
+    let of_all = |values: fn(&Conditions) -> &Vec<f64>| -> Vec<f64> {
+        members.iter().flat_map(|(unit, _)| values(&unit.conditions).iter().copied()).collect()
+    };
+    let distances = of_all(|conditions| &conditions.distances_mm);
+    let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
+    let farthest = distances.iter().copied().fold(0.0, f64::max);
+    if nearest > farthest {
+        return None;
+    }
+    let (temperatures, times) = (of_all(|c| &c.temperatures_c), of_all(|c| &c.times_s));
+    let quantile_or = |unknown: f64, values: &[f64], q: f64| {
+        if values.is_empty() { unknown } else { quantile(values.iter().copied(), q) }
+    };
+    let references = members.iter().filter_map(|(_, effect)| reference_amplitude(effect)).map(f64::ln);
+    let amplitude = match references.clone().count() {
+        0 => f64::NAN,
+        n => (references.sum::<f64>() / n as f64).exp(),
+    };
+    let [width, height] = members[0].0.size;
+    let mut cells = Vec::new();
+    for place in 0..PIXELS[0] * PIXELS[1] {
+        let (column, row) = (place % PIXELS[0], place / PIXELS[0]);
+        let along = |i: usize, n: usize, size: usize| (i as f64 + 0.5) / n as f64 * size as f64 - 0.5;
+        let pixel = [along(column, PIXELS[0], width), along(row, PIXELS[1], height)];
+        for distance in 0..DISTANCES {
+            let share = distance as f64 / (DISTANCES - 1) as f64;
+            for ((q, of_reference), cos_incidence) in
+                QUANTILES.into_iter().zip(AMPLITUDES).flat_map(|level| COSINES.map(|cosine| (level, cosine)))
+            {
+                let context = Context {
+                    pixel,
+                    amplitude: of_reference * amplitude,
+                    temperature_c: quantile_or(f64::NAN, &temperatures, q),
+                    time_s: quantile_or(0.0, &times, q),
+                    ..Context::default()
+                };
+                cells.push(Cell { context, cos_incidence, depth_mm: nearest * (farthest / nearest).powf(share) });
+            }
+        }
+    }
+    Some(cells)
+}
+
+/// The amplitude to which an effect of the amplitude refers.
+fn reference_amplitude(effect: &UnitEffect) -> Option<f64> {
+    let piece = effect.alone.as_ref()?.camera.block(&effect.key.name)?.piece()?;
+    let of_amplitude = Some((Covariate::Amplitude, ScanKind::Reference));
+    let constant = piece.constants().into_iter().find(|constant| constant.search == of_amplitude)?;
+    piece.options().get(constant.name).copied().filter(|reference| *reference > 0.0)
+}
+
+/// By how much a camera with one effect alone changes depth, mm.
+fn changes_of_depth(camera: &Camera, cells: &[Cell]) -> Vec<f64> {
+    let [fx, fy, cx, cy, skew] = camera.pinhole();
+    let change = |cell: &Cell| {
+        let [u, v] = cell.context.pixel;
+        let y = (v - cy) / fy;
+        let ray = [(u - cx - skew * y) / fx, y];
+        let measured = camera.measured_inverse_depth(&cell.context, ray, cell.cos_incidence, 1.0 / cell.depth_mm);
+        1.0 / measured - cell.depth_mm
+    };
+    cells.iter().map(change).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use depthcal_model::uncertainty::UncertainCamera;
+    use depthcal_model::{Block, Options, Placement, Register};
+    use nalgebra::DVector;
+
+    use super::*;
+    use crate::conditions::Conditions;
+    use crate::random_effects::UnitEstimate;
+
+    /// A unit with an effect of some constants, whose first parameter is `size` and known to `std_dev`.
+    fn unit(number: usize, name: &str, constant: (&str, f64), size: f64, std_dev: f64) -> Unit {
+        let options = Options::from([(constant.0.to_owned(), constant.1)]);
+        let piece = Register::builtin().placed_piece(name, &options, Placement::default()).unwrap();
+        let mut block = Block::new(piece);
+        block.theta[0] = size;
+        let camera = Camera::new(640, 480, [500.0, 500.0, 319.5, 239.5, 0.0], vec![block]);
+        let places: Vec<usize> = vec![camera.theta().len() - camera.block(name).unwrap().theta.len()];
+        let alone = UncertainCamera::new(camera, &places, &DMatrix::from_element(1, 1, std_dev * std_dev));
+        let key = EffectKey { name: name.to_owned(), options, of: Default::default(), on: None, formula: None };
+        Unit {
+            name: format!("unit{number}"),
+            calibration: String::new(),
+            digest: String::new(),
+            size: [640, 480],
+            frames: 20,
+            depth_rms_mm: None,
+            reprojection_rms_px: None,
+            parameters: Vec::new(),
+            estimate: UnitEstimate { value: DVector::zeros(0), covariance: DMatrix::zeros(0, 0) },
+            conditions: Conditions { distances_mm: vec![600.0, 1200.0, 2400.0], ..Conditions::default() },
+            effects: vec![UnitEffect {
+                key,
+                with: name.to_owned(),
+                names: Vec::new(),
+                nominal: Vec::new(),
+                in_model: true,
+                scatter: None,
+                square_mm2: None,
+                alone: Some(alone),
+            }],
+            scores: None,
+        }
+    }
+
+    fn compared(units: &[Unit]) -> Vec<FleetOnDepth> {
+        on_depth(units, &vec![true; units.len()], &[])
+    }
+
+    /// Other periods that do nearly the same, and one that does not.
+    #[test]
+    fn units_with_periods_of_their_own_are_compared_by_their_effect_on_depth() {
+        let periods = [4000.0, 4003.0, 3998.0, 4001.0, 2100.0];
+        let units: Vec<Unit> = periods
+            .iter()
+            .enumerate()
+            .map(|(i, period)| unit(i, "cyclic_depth", ("period_mm", *period), 3.0, 0.05))
+            .collect();
+        let alike = &compared(&units[..4])[0];
+        assert!(alike.units.iter().all(|u| u.p_value > 0.01 && u.difference_mm < 0.1), "{alike:?}");
+        // The mean square of a wave is half that of its amplitude; the distances are few.
+        assert!((alike.mean_mm / (3.0 / 2.0_f64.sqrt()) - 1.0).abs() < 0.3, "{}", alike.mean_mm);
+        let with_other = &compared(&units)[0];
+        let worst = with_other.units.iter().max_by(|a, b| a.difference_mm.total_cmp(&b.difference_mm)).unwrap();
+        assert_eq!(worst.name, "unit4");
+        assert!(worst.p_value < 1e-10 && worst.difference_mm > 1.0, "{worst:?}");
+    }
+
+    /// Units that differ by their noise alone scatter by as much as noise gives.
+    #[test]
+    fn noise_gives_the_scatter_of_units_that_differ_by_noise() {
+        let units: Vec<Unit> = [2.0, 2.4, 1.6, 2.4, 1.6]
+            .iter()
+            .enumerate()
+            .map(|(i, size)| unit(i, "cyclic_depth", ("period_mm", 4000.0 + 0.01 * i as f64), *size, 0.4))
+            .collect();
+        let record = &compared(&units)[0];
+        for of_unit in &record.units[1..] {
+            assert!((of_unit.difference_mm / of_unit.of_noise_mm - 1.0).abs() < 0.2, "{of_unit:?}");
+            assert!(of_unit.p_value > 0.1, "{of_unit:?}");
+        }
+    }
+
+    #[test]
+    fn effects_of_the_amplitude_refer_to_the_references_of_the_units() {
+        let units: Vec<Unit> = [900.0, 1100.0]
+            .iter()
+            .enumerate()
+            .map(|(i, r)| unit(i, "reflectivity_bias", ("reference", *r), 1e-3, 1e-5))
+            .collect();
+        let record = &compared(&units)[0];
+        assert!(record.mean_mm > 0.0 && record.units.iter().all(|u| u.difference_mm > 0.0), "{record:?}");
+    }
+
+    #[test]
+    fn equal_constants_and_effects_of_unknown_quantities_are_not_compared() {
+        let same: Vec<Unit> = (0..3).map(|i| unit(i, "cyclic_depth", ("period_mm", 4000.0), 3.0, 0.1)).collect();
+        assert!(compared(&same).is_empty());
+        let unknown: Vec<Unit> =
+            (0..3).map(|i| unit(i, "temperature_drift", ("reference_c", 20.0 + i as f64), 0.1, 0.01)).collect();
+        assert!(compared(&unknown).is_empty());
+    }
+}
