@@ -17,6 +17,7 @@
 //! deterministic: nothing is resampled, and sums are taken in the order of the units.
 
 mod conditions;
+mod depth_effect;
 mod effects;
 mod error;
 mod errors;
@@ -31,6 +32,7 @@ pub mod significance;
 mod unit;
 
 pub use conditions::Conditions;
+pub use depth_effect::{Cell, DepthEffect};
 pub use error::{FEWEST_UNITS, FleetError};
 pub use join::{FleetOptions, Joined, join};
 pub use random_effects::{RandomEffects, UnitEstimate};

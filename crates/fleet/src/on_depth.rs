@@ -3,11 +3,12 @@
 
 use depthcal_io::{FleetOnDepth, FleetUnitOnDepth};
 use depthcal_model::uncertainty::STEP;
-use depthcal_model::{Camera, Context, Covariate, ScanKind};
+use depthcal_model::{Camera, Context};
 use depthcal_statistics::{quantile, rms, weighted_chi_squared_tail};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::conditions::Conditions;
+use crate::depth_effect::{Cell, DepthEffect, measured_mm};
 use crate::unit::{EffectKey, Unit, UnitEffect};
 
 /// Pixels at which effects are compared, along the image and across, …
@@ -20,16 +21,11 @@ const COSINES: [f64; 2] = [1.0, 0.7];
 const AMPLITUDES: [f64; 3] = [0.5, 1.0, 2.0];
 /// … and quantiles of the frames' temperatures and times.
 const QUANTILES: [f64; 3] = [0.1, 0.5, 0.9];
+/// Share of a change that others must not make, for it to be one more.
+const LEAST_LEFT: f64 = 1e-6;
 
-/// A place on a ray under some conditions.
-struct Cell {
-    context: Context,
-    cos_incidence: f64,
-    depth_mm: f64,
-}
-
-/// The changes of depth at all cells by an effect, mm, and how these change along every direction of its uncertainty, by one
-/// standard deviation.
+/// The changes of depth at all cells by an effect, mm, less the part that the depth model can take, and how these change along
+/// every direction of its uncertainty, by one standard deviation.
 struct OnDepth<'a> {
     unit: &'a Unit,
     effect: &'a UnitEffect,
@@ -38,19 +34,61 @@ struct OnDepth<'a> {
 }
 
 impl<'a> OnDepth<'a> {
-    /// `None` where a cell has no value: the effect depends on something that calibrations do not keep.
+    /// `None` where a cell has no value, or none changes: the effect depends on something that calibrations do not keep.
     fn of((unit, effect): (&'a Unit, &'a UnitEffect), cells: &[Cell]) -> Option<Self> {
-        let alone = effect.alone.as_ref()?;
-        let change = |cameras: [Camera; 2]| -> Vec<f64> {
-            let [plus, minus] = cameras.map(|camera| changes_of_depth(&camera, cells));
-            plus.iter().zip(minus).map(|(plus, minus)| (plus - minus) / (2.0 * STEP)).collect()
+        let DepthEffect { with, without, compensating, .. } = effect.on_depth.as_ref()?;
+        let half_difference = |cameras: &[Camera; 2]| -> Vec<f64> {
+            let [plus, minus] = cameras.each_ref().map(|camera| measured_mm(camera, cells));
+            plus.iter().zip(minus).map(|(plus, minus)| 0.5 * (plus - minus)).collect()
         };
-        let values = changes_of_depth(&alone.camera, cells);
-        let changes: Vec<Vec<f64>> = alone.changed().into_iter().map(change).collect();
-        // Where a quantity is unknown some effects have no value, and others do nothing.
+        let changes: Vec<Vec<f64>> = with.changed().iter().map(half_difference).collect();
+        let values: Vec<f64> = measured_mm(&with.camera, cells)
+            .iter()
+            .zip(measured_mm(without, cells))
+            .map(|(with, without)| with - without)
+            .collect();
         let all = || values.iter().chain(changes.iter().flatten());
         let is_known = all().all(|value| value.is_finite()) && all().any(|value| *value != 0.0);
-        is_known.then_some(Self { unit, effect, values, changes })
+        if !is_known {
+            return None;
+        }
+        let of_model = Span::of(compensating.iter().map(half_difference));
+        let changes = changes.iter().map(|change| change.iter().map(|c| c / STEP).collect());
+        Some(Self {
+            unit,
+            effect,
+            values: of_model.taken_off(values),
+            changes: changes.map(|c| of_model.taken_off(c)).collect(),
+        })
+    }
+}
+
+/// Changes of depth that a depth model can make, as orthonormal columns.
+struct Span(Vec<DVector<f64>>);
+
+impl Span {
+    /// Of some changes (modified Gram–Schmidt).
+    fn of(changes: impl Iterator<Item = Vec<f64>>) -> Self {
+        let mut span = Self(Vec::new());
+        for change in changes {
+            let size = DVector::from_column_slice(&change).norm();
+            let left = DVector::from_vec(span.taken_off(change));
+            let norm = left.norm();
+            if norm > LEAST_LEFT * size {
+                span.0.push(left / norm);
+            }
+        }
+        span
+    }
+
+    /// The part of values that they cannot make.
+    fn taken_off(&self, values: Vec<f64>) -> Vec<f64> {
+        let mut values = DVector::from_vec(values);
+        for column in &self.0 {
+            let along = column.dot(&values);
+            values.axpy(-along, column, 1.0);
+        }
+        values.data.into()
     }
 }
 
@@ -132,7 +170,8 @@ fn cells(members: &[(&Unit, &UnitEffect)]) -> Option<Vec<Cell>> {
     let quantile_or = |unknown: f64, values: &[f64], q: f64| {
         if values.is_empty() { unknown } else { quantile(values.iter().copied(), q) }
     };
-    let references = members.iter().filter_map(|(_, effect)| reference_amplitude(effect)).map(f64::ln);
+    let references =
+        members.iter().filter_map(|(_, effect)| effect.on_depth.as_ref()?.reference_amplitude).map(f64::ln);
     let amplitude = match references.clone().count() {
         0 => f64::NAN,
         n => (references.sum::<f64>() / n as f64).exp(),
@@ -162,32 +201,10 @@ fn cells(members: &[(&Unit, &UnitEffect)]) -> Option<Vec<Cell>> {
     Some(cells)
 }
 
-/// The amplitude to which an effect of the amplitude refers.
-fn reference_amplitude(effect: &UnitEffect) -> Option<f64> {
-    let piece = effect.alone.as_ref()?.camera.block(&effect.key.name)?.piece()?;
-    let of_amplitude = Some((Covariate::Amplitude, ScanKind::Reference));
-    let constant = piece.constants().into_iter().find(|constant| constant.search == of_amplitude)?;
-    piece.options().get(constant.name).copied().filter(|reference| *reference > 0.0)
-}
-
-/// By how much a camera with one effect alone changes depth, mm.
-fn changes_of_depth(camera: &Camera, cells: &[Cell]) -> Vec<f64> {
-    let [fx, fy, cx, cy, skew] = camera.pinhole();
-    let change = |cell: &Cell| {
-        let [u, v] = cell.context.pixel;
-        let y = (v - cy) / fy;
-        let ray = [(u - cx - skew * y) / fx, y];
-        let measured = camera.measured_inverse_depth(&cell.context, ray, cell.cos_incidence, 1.0 / cell.depth_mm);
-        1.0 / measured - cell.depth_mm
-    };
-    cells.iter().map(change).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use depthcal_model::uncertainty::UncertainCamera;
     use depthcal_model::{Block, Options, Placement, Register};
-    use nalgebra::DVector;
 
     use super::*;
     use crate::conditions::Conditions;
@@ -199,9 +216,12 @@ mod tests {
         let piece = Register::builtin().placed_piece(name, &options, Placement::default()).unwrap();
         let mut block = Block::new(piece);
         block.theta[0] = size;
-        let camera = Camera::new(640, 480, [500.0, 500.0, 319.5, 239.5, 0.0], vec![block]);
-        let places: Vec<usize> = vec![camera.theta().len() - camera.block(name).unwrap().theta.len()];
-        let alone = UncertainCamera::new(camera, &places, &DMatrix::from_element(1, 1, std_dev * std_dev));
+        let pinhole = [500.0, 500.0, 319.5, 239.5, 0.0];
+        let without = Camera::new(640, 480, pinhole, vec![]);
+        let camera = Camera::new(640, 480, pinhole, vec![block]);
+        let with = UncertainCamera::new(camera, &[5], &DMatrix::from_element(1, 1, std_dev * std_dev));
+        let reference_amplitude = (constant.0 == "reference").then_some(constant.1);
+        let on_depth = Some(DepthEffect { with, without, compensating: Vec::new(), reference_amplitude });
         let key = EffectKey { name: name.to_owned(), options, of: Default::default(), on: None, formula: None };
         Unit {
             name: format!("unit{number}"),
@@ -222,7 +242,7 @@ mod tests {
                 in_model: true,
                 scatter: None,
                 square_mm2: None,
-                alone: Some(alone),
+                on_depth,
             }],
             scores: None,
         }
@@ -275,6 +295,30 @@ mod tests {
             .collect();
         let record = &compared(&units)[0];
         assert!(record.mean_mm > 0.0 && record.units.iter().all(|u| u.difference_mm > 0.0), "{record:?}");
+    }
+
+    /// Of a wave so long that it is a line over all distances nothing is left where the depth model has a scale and an offset.
+    #[test]
+    fn the_part_that_the_depth_model_can_take_is_no_effect() {
+        let units = |compensated: bool| -> Vec<Unit> {
+            let with_model = |i: usize| {
+                let mut unit = unit(i, "cyclic_depth", ("period_mm", 2e6 + i as f64), 3.0, 0.05);
+                let on_depth = unit.effects[0].on_depth.as_mut().unwrap();
+                let scaled = |name: &str, value: f64| {
+                    let mut block = Register::builtin().block(name, None).unwrap();
+                    block.theta[0] = value;
+                    on_depth.without.clone().with_block(block)
+                };
+                let pair = |name: &str, size: f64| [scaled(name, size), scaled(name, -size)];
+                let compensating = vec![pair("range_offset", 1.0), pair("quadratic_depth", 1e-7)];
+                on_depth.compensating = if compensated { compensating } else { Vec::new() };
+                unit
+            };
+            (0..3).map(with_model).collect()
+        };
+        let [alone, compensated] = [false, true].map(|has| compared(&units(has))[0].mean_mm);
+        // The wave is one of range, and the depth model's terms are of depth.
+        assert!(compensated < 0.1 * alone, "{compensated} of {alone}");
     }
 
     #[test]

@@ -3,14 +3,12 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use depthcal_formula::FormulaEffect;
-use depthcal_io::{Calibration, ParameterRecord, PieceRecord, ScoredEffect, Scores};
-use depthcal_model::hook::HookKind;
-use depthcal_model::uncertainty::UncertainCamera;
-use depthcal_model::{Block, Camera, FormulaDefinition, Of, On, Placement, Register, Role};
+use depthcal_io::{Calibration, PieceRecord, ScoredEffect, Scores};
+use depthcal_model::{FormulaDefinition, Of, On, Register, Role};
 use nalgebra::{DMatrix, DVector};
 
 use crate::conditions::Conditions;
+use crate::depth_effect::DepthEffect;
 use crate::random_effects::UnitEstimate;
 use crate::scaled::{Scaled, part, picked};
 
@@ -50,8 +48,8 @@ pub struct UnitEffect {
     pub scatter: Option<DMatrix<f64>>,
     /// Mean square over the observations as a quadratic form, mm², where it was scored.
     pub square_mm2: Option<DMatrix<f64>>,
-    /// The unit's camera with this effect of depth alone; `None` where the model lacks it, and of other effects.
-    pub alone: Option<UncertainCamera>,
+    /// Its effect on depth; `None` where the model lacks it, and of effects that do not act on depth.
+    pub on_depth: Option<DepthEffect>,
 }
 
 /// A parameter of a unit's model.
@@ -138,8 +136,8 @@ impl Unit {
                 let key = EffectKey::of_piece(piece);
                 let with = key.with(&known.default_options);
                 let (scatter, square_mm2, in_model) = (None, None, true);
-                let alone = camera_with_alone(calibration, piece, register);
-                effects.push(UnitEffect { key, with, names, nominal, in_model, scatter, square_mm2, alone });
+                let on_depth = DepthEffect::of(calibration, piece, register);
+                effects.push(UnitEffect { key, with, names, nominal, in_model, scatter, square_mm2, on_depth });
             }
         }
         let rows: Vec<usize> = parameters
@@ -186,7 +184,7 @@ impl Unit {
                 in_model: false,
                 scatter: Some(matrix(&effect.scatter)),
                 square_mm2: Some(matrix(&effect.square_mm2)),
-                alone: None,
+                on_depth: None,
             });
             names.extend(parameter_names);
             nominal.extend(at_rest);
@@ -266,34 +264,6 @@ impl Unit {
         let finite = estimate.value.iter().chain(estimate.covariance.iter()).all(|v| v.is_finite());
         finite.then_some(estimate)
     }
-}
-
-/// The camera of a calibration with one of its pieces alone, an effect of depth, and the uncertainty of its parameters; `None` of
-/// other pieces, and of those that neither the register nor a formula explains.
-fn camera_with_alone(calibration: &Calibration, piece: &PieceRecord, register: &Register) -> Option<UncertainCamera> {
-    let covariance = calibration.covariance.as_ref()?;
-    let placement = Placement { of: piece.of, on: piece.on };
-    let made = match &piece.formula {
-        Some(definition) => FormulaEffect::new(definition.clone()).ok()?.placed_piece(&piece.options, placement),
-        None => register.placed_piece(&piece.name, &piece.options, placement),
-    };
-    let mut block = Block::new(made.ok()?);
-    if block.hook() != HookKind::Depth || block.parameters().len() != piece.parameters.len() {
-        return None;
-    }
-    block.theta = piece.parameters.iter().map(|parameter| parameter.value).collect();
-    let pinhole = calibration.camera.pieces.iter().find(|piece| piece.name == "pinhole")?;
-    let pinhole: Vec<f64> = pinhole.parameters.iter().map(|parameter| parameter.value).collect();
-    let camera =
-        Camera::new(calibration.camera.width, calibration.camera.height, pinhole.try_into().ok()?, vec![block]);
-    let first = camera.theta().len() - piece.parameters.len();
-    let row = |(i, parameter): (usize, &ParameterRecord)| {
-        let name = format!("{}.{}", piece.name, parameter.name);
-        Some((first + i, covariance.parameters.iter().position(|other| *other == name)?))
-    };
-    let (places, rows): (Vec<usize>, Vec<usize>) = piece.parameters.iter().enumerate().filter_map(row).unzip();
-    let covariance = DMatrix::from_fn(rows.len(), rows.len(), |i, k| covariance.matrix[rows[i]][rows[k]]);
-    Some(UncertainCamera::new(camera, &places, &covariance))
 }
 
 /// Properties of a piece from the register.
