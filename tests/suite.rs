@@ -16,6 +16,7 @@ mod documented_toml;
 mod effects;
 mod estimators;
 mod fields;
+mod first_screen;
 mod fisheye;
 mod fleet;
 mod formulas;

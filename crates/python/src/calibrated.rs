@@ -68,6 +68,9 @@ fn alone(rig: &Record, camera: &CameraRecord) -> Record {
         UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),
     );
     let frames = rig.frames.iter().map(|frame| {
+        if camera.camera_from_rig == ExtrinsicsRecord::REFERENCE {
+            return frame.clone();
+        }
         let pose = camera_from_rig * rig_from_board(frame);
         let q = pose.rotation.quaternion();
         let translation_mm = pose.translation.vector.into();

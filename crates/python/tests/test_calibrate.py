@@ -50,9 +50,9 @@ def test_evaluation_equals_the_command_line_to_the_byte(cli, folder, dataset, fi
     assert (tmp_path / "python" / name).read_bytes() == (tmp_path / "cli" / name).read_bytes()
 
 
-def test_next_captures_are_those_of_the_command_line(cli, folder, dataset):
+def test_next_captures_are_those_of_the_command_line(cli, folder):
     written = cli("next", folder, "--goal", "pinhole.fx", "--frames", 2, "--json")
-    fit = depthcal.calibrate(dataset)
+    fit = depthcal.calibrate(depthcal.load(folder))
     captures = fit.next_captures("pinhole.fx", frames=2)
     assert captures["unit"] == "px" and len(captures["capture_next"]) == 2
     assert captures["now_95"] > captures["now"] > captures["capture_next"][1]["expected"] > 0

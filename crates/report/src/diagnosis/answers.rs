@@ -23,6 +23,8 @@ const WORTH_PERCENT: f64 = 0.5;
 const HEADLINE_NAMES: usize = 3;
 /// Causes that are told with what a person can do, and steps that are told with all their numbers, where there are more.
 const TOLD: usize = 3;
+/// Words for what a formula describes.
+const WITHOUT_CAUSE: &str = "functions without a known cause describe the rest";
 /// Most recommendations of captures on the first screen.
 const NEXT: usize = 3;
 
@@ -205,26 +207,51 @@ fn why(d: &ReportDiagnosis<'_>) -> String {
     sentences(&parts)
 }
 
-/// The causes that steps name, with their sizes, the first with remedies. Functions without a known cause share a sentence.
+/// The causes that steps name, with their sizes, the first with remedies. Causes of one remedy share a sentence, and so do all
+/// functions without a known cause.
 fn causes(d: &ReportDiagnosis<'_>, steps: &[&DiagnosisStep]) -> Vec<String> {
-    let mut causes: Vec<([&str; 2], Vec<String>)> = Vec::new();
+    let mut sentences: Vec<Causes<'_>> = Vec::new();
     for step in steps {
         let name = step.effects.first().map_or("", String::as_str);
         let size = if step.size_mm > 0.0 { format!(", {} rms", quantity(step.size_mm, "mm")) } else { String::new() };
-        let effect = format!("{name}{size}");
-        let cause = [summary(d.register, name), remedy(name).unwrap_or_default()];
-        match causes.iter_mut().find(|(words, _)| *words == cause) {
+        let cause = if step.formula.is_some() { WITHOUT_CAUSE } else { summary(d.register, name) };
+        let remedy = remedy(name).unwrap_or_default();
+        let place = sentences.iter().position(|sentence| sentence.takes(cause, remedy)).unwrap_or_else(|| {
+            sentences.push(Causes { remedy, causes: Vec::new() });
+            sentences.len() - 1
+        });
+        sentences[place].add(cause, format!("{name}{size}"));
+    }
+    let all = sentences.len() <= TOLD + 1;
+    sentences.iter().enumerate().map(|(number, sentence)| sentence.words(all || number < TOLD)).collect()
+}
+
+/// The causes in a sentence.
+struct Causes<'a> {
+    /// Empty where nothing can be done.
+    remedy: &'a str,
+    /// Each with its effects.
+    causes: Vec<(&'a str, Vec<String>)>,
+}
+
+impl<'a> Causes<'a> {
+    fn takes(&self, cause: &str, remedy: &str) -> bool {
+        self.remedy == remedy && (!remedy.is_empty() || self.causes.iter().any(|(words, _)| *words == cause))
+    }
+
+    fn add(&mut self, cause: &'a str, effect: String) {
+        match self.causes.iter_mut().find(|(words, _)| *words == cause) {
             Some((_, effects)) => effects.push(effect),
-            None => causes.push((cause, vec![effect])),
+            None => self.causes.push((cause, vec![effect])),
         }
     }
-    let all = causes.len() <= TOLD + 1;
-    let sentence = |(number, ([cause, remedy], effects)): (usize, ([&str; 2], Vec<String>))| {
-        let is_told = all || number < TOLD;
-        let remedy = if remedy.is_empty() || !is_told { String::new() } else { format!(": {remedy}") };
-        format!("{cause} ({}){remedy}", effects.join("; "))
-    };
-    causes.into_iter().enumerate().map(sentence).collect()
+
+    fn words(&self, with_remedy: bool) -> String {
+        let words: Vec<String> =
+            self.causes.iter().map(|(cause, effects)| format!("{cause} ({})", effects.join("; "))).collect();
+        let remedy = if with_remedy && !self.remedy.is_empty() { format!(": {}", self.remedy) } else { String::new() };
+        format!("{}{remedy}", join(&words))
+    }
 }
 
 /// A change of the depth error: `16.5 % less (95 % interval 13.5 to 20.1 %)`.

@@ -142,7 +142,7 @@ fn the_verdict_is_short_and_says_everything_once() {
     unsure.steps[1].effects = vec!["range_offset".to_owned()];
     unsure.steps[1].gain_percent = Some(depthcal_io::GainInterval { value: 1.0, low: -1.0, high: 3.0 });
     let mut several = d.account.clone();
-    for name in ["board_bow", "found_r", "found_z", "found_amplitude", "found_x_time"] {
+    for name in ["board_bow", "board_warp", "found_r", "found_z", "found_amplitude", "found_x_time"] {
         let step = DiagnosisStep { effects: vec![name.to_owned()], ..several.steps[0].clone() };
         several.steps.push(step);
     }
@@ -170,6 +170,9 @@ fn the_verdict_is_short_and_says_everything_once() {
     let why = text_of(html.split_once("Why?").unwrap().1.split_once("What was added?").unwrap().0);
     assert_eq!(why.matches("own (found_r").count(), 1, "{why}");
     assert!(["found_z", "found_amplitude", "found_x_time"].iter().all(|name| why.contains(name)), "{why}");
+    // Two causes of the board with one remedy.
+    assert_eq!(why.matches("flatten the board").count(), 1, "{why}");
+    assert!(why.split_whitespace().count() <= 80, "{why}");
     let html = d.render(&unsure);
     let (_, why) = html.split_once("Why?").unwrap();
     let (why, added) = why.split_once("What was added?").unwrap();
