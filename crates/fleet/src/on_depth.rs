@@ -6,23 +6,34 @@ use depthcal_model::uncertainty::STEP;
 use depthcal_model::{Camera, Context};
 use depthcal_statistics::{quantile, rms, weighted_chi_squared_tail};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::conditions::Conditions;
 use crate::depth_effect::{Cell, DepthEffect, measured_mm};
 use crate::unit::{EffectKey, Unit, UnitEffect};
 
 /// Pixels at which effects are compared, along the image and across, …
-const PIXELS: [usize; 2] = [6, 5];
+const PIXELS: [usize; 2] = [5, 4];
 /// … number of distances, in equal ratios from the nearest board to the farthest, …
 const DISTANCES: usize = 5;
 /// … cosines of the angle of incidence, …
 const COSINES: [f64; 2] = [1.0, 0.7];
-/// … amplitudes, over the reference that the effects have on average, …
-const AMPLITUDES: [f64; 3] = [0.5, 1.0, 2.0];
-/// … and quantiles of the frames' temperatures and times.
-const QUANTILES: [f64; 3] = [0.1, 0.5, 0.9];
+/// … and levels of amplitude, temperature and time, of which the first has to do where none of these is known.
+const LEVELS: [Level; 3] = [
+    Level { quantile: 0.5, of_reference: 1.0 },
+    Level { quantile: 0.1, of_reference: 0.5 },
+    Level { quantile: 0.9, of_reference: 2.0 },
+];
 /// Share of a change that others must not make, for it to be one more.
 const LEAST_LEFT: f64 = 1e-6;
+
+/// Conditions of a cell.
+struct Level {
+    /// Quantile of the frames' temperatures and times.
+    quantile: f64,
+    /// Amplitude over the reference that the effects have on average.
+    of_reference: f64,
+}
 
 /// The changes of depth at all cells by an effect, mm, less the part that the depth model can take, and how these change along
 /// every direction of its uncertainty, by one standard deviation.
@@ -121,7 +132,7 @@ fn compared(name: &str, members: &[(&Unit, &UnitEffect)]) -> Option<FleetOnDepth
     Some(FleetOnDepth {
         effect: name.to_owned(),
         mean_mm: rms((0..cells.len()).map(mean)),
-        units: (0..known.len()).map(|place| against_others(&known, place)).collect(),
+        units: (0..known.len()).into_par_iter().map(|place| against_others(&known, place)).collect(),
     })
 }
 
@@ -145,13 +156,18 @@ fn against_others(all: &[OnDepth<'_>], place: usize) -> FleetUnitOnDepth {
     let square = &gram * &gram;
     let traces = [gram.trace(), square.trace(), square.dot(&gram)];
     let difference_mm = rms(difference);
+    let p_value = match traces[0] > 0.0 {
+        true => weighted_chi_squared_tail(difference_mm * difference_mm, traces),
+        // Of parameters that all are held.
+        false => f64::from(difference_mm == 0.0),
+    };
     FleetUnitOnDepth {
         name: unit.name.clone(),
         with: effect.with.clone(),
         size_mm: rms(values.iter().copied()),
         difference_mm,
         of_noise_mm: traces[0].sqrt(),
-        p_value: weighted_chi_squared_tail(difference_mm * difference_mm, traces),
+        p_value,
     }
 }
 
@@ -176,6 +192,8 @@ fn cells(members: &[(&Unit, &UnitEffect)]) -> Option<Vec<Cell>> {
         0 => f64::NAN,
         n => (references.sum::<f64>() / n as f64).exp(),
     };
+    let is_same = amplitude.is_nan() && temperatures.is_empty() && times.is_empty();
+    let levels = if is_same { &LEVELS[..1] } else { &LEVELS[..] };
     let [width, height] = members[0].0.size;
     let mut cells = Vec::new();
     for place in 0..PIXELS[0] * PIXELS[1] {
@@ -184,14 +202,14 @@ fn cells(members: &[(&Unit, &UnitEffect)]) -> Option<Vec<Cell>> {
         let pixel = [along(column, PIXELS[0], width), along(row, PIXELS[1], height)];
         for distance in 0..DISTANCES {
             let share = distance as f64 / (DISTANCES - 1) as f64;
-            for ((q, of_reference), cos_incidence) in
-                QUANTILES.into_iter().zip(AMPLITUDES).flat_map(|level| COSINES.map(|cosine| (level, cosine)))
+            for (Level { quantile: q, of_reference }, cos_incidence) in
+                levels.iter().flat_map(|level| COSINES.map(|cosine| (level, cosine)))
             {
                 let context = Context {
                     pixel,
                     amplitude: of_reference * amplitude,
-                    temperature_c: quantile_or(f64::NAN, &temperatures, q),
-                    time_s: quantile_or(0.0, &times, q),
+                    temperature_c: quantile_or(f64::NAN, &temperatures, *q),
+                    time_s: quantile_or(0.0, &times, *q),
                     ..Context::default()
                 };
                 cells.push(Cell { context, cos_incidence, depth_mm: nearest * (farthest / nearest).powf(share) });
@@ -284,6 +302,13 @@ mod tests {
             assert!((of_unit.difference_mm / of_unit.of_noise_mm - 1.0).abs() < 0.2, "{of_unit:?}");
             assert!(of_unit.p_value > 0.1, "{of_unit:?}");
         }
+    }
+
+    #[test]
+    fn held_effects_have_a_p_value() {
+        let units: Vec<Unit> =
+            (0..3).map(|i| unit(i, "cyclic_depth", ("period_mm", 4000.0 + i as f64), 3.0, 0.0)).collect();
+        assert!(compared(&units)[0].units.iter().all(|u| u.p_value == 0.0 && u.of_noise_mm == 0.0));
     }
 
     #[test]
