@@ -130,20 +130,16 @@ pub(super) fn on_depth(effect: &FleetOnDepth, level: f64) -> String {
     let units = effect.units.len() as f64;
     let differs = |unit: &&FleetUnitOnDepth| unit.p_value * units < level;
     let difference = |unit: &FleetUnitOnDepth| {
-        format!(
-            "{} by {} rms where noise gives {}",
-            unit.name,
-            quantity(unit.difference_mm, "mm"),
-            quantity(unit.of_noise_mm, "mm")
-        )
+        let [size, of_noise] = [unit.difference_mm, unit.of_noise_mm].map(|mm| quantity(mm, "mm"));
+        format!("{} differs by {size} rms (noise alone: {of_noise})", unit.name)
     };
     let differences: Vec<String> = effect.units.iter().filter(differs).map(difference).collect();
     let findings = match differences.is_empty() {
         true => "the units differ by no more than their uncertainties".to_owned(),
-        false => format!("unlike the others: {}", join(&differences)),
+        false => join(&differences),
     };
     format!(
-        "{} with constants of their own in {}: {} rms of depth on average; {findings}",
+        "constants of their own: {} in {}, {} rms of depth on average; {findings}",
         effect.effect,
         count(effect.units.len(), "unit"),
         quantity(effect.mean_mm, "mm")
