@@ -9,7 +9,7 @@ use depthcal_io::{
 };
 use depthcal_model::{Block, Camera, Placement, Register, RegisterError};
 use depthcal_statistics::chi_squared_tail;
-use nalgebra::{DMatrix, DVector, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3};
 use thiserror::Error;
 
 use crate::calibrate::{
@@ -179,13 +179,10 @@ fn drift_of(record: &DriftRecord) -> PlaceDrift {
 /// [`RecordError`], where a piece is unknown or has other parameters than this register's.
 pub fn cameras_from_record(record: &Calibration, register: &Register) -> Result<Vec<PlacedCamera>, RecordError> {
     let placed = |camera: &CameraRecord| {
-        let [w, x, y, z] = camera.camera_from_rig.rotation;
-        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-        let translation = Translation3::from(Vector3::from(camera.camera_from_rig.translation_mm));
         Ok(PlacedCamera {
             name: camera.name.clone(),
             camera: camera_from_record(camera, register)?,
-            camera_from_rig: Isometry3::from_parts(translation, rotation),
+            camera_from_rig: camera.camera_from_rig.camera_from_rig(),
             drift: camera.camera_from_rig.drift.as_ref().map(drift_of),
         })
     };

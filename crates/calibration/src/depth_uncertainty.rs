@@ -1,21 +1,14 @@
 //! Uncertainty of corrected depth, from calibrations in memory and from `calibration.json`.
 
-use depthcal_io::{Calibration, FrameRecord};
+use depthcal_io::Calibration;
 use depthcal_model::uncertainty::{DepthNoise, Support, UncertainCamera, UncertainDepth};
 use depthcal_model::{Context, Quantities};
 use depthcal_statistics::quantile;
-use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::DMatrix;
 
 use crate::calibrate::CalibratedCamera;
 use crate::camera_record::covariance_of;
 use crate::observe::PlacedCamera;
-
-/// The pose of a fitted frame in the frame of the rig.
-pub fn rig_from_board(frame: &FrameRecord) -> Isometry3<f64> {
-    let [w, x, y, z] = frame.rotation;
-    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(Translation3::from(Vector3::from(frame.translation_mm)), rotation)
-}
 
 /// Uncertainty of the depth that a camera of a calibration corrects; `None` where the calibration has no noise of depth. Without
 /// a covariance it is that of noise alone.
@@ -47,7 +40,7 @@ pub fn uncertain_depth(record: &Calibration, placed: &PlacedCamera) -> Option<Un
 
 /// Where a camera of a calibration saw boards, and at which distances; `None` where it saw none.
 pub fn support_of(record: &Calibration, placed: &PlacedCamera) -> Option<Support> {
-    let poses: Vec<_> = record.frames.iter().map(|f| placed.camera_from_rig * rig_from_board(f)).collect();
+    let poses: Vec<_> = record.frames.iter().map(|f| placed.camera_from_rig * f.rig_from_board()).collect();
     Support::of_boards(&placed.camera, record.target.marker_rectangle(), &poses)
 }
 

@@ -1,7 +1,7 @@
 //! Under which conditions the frames of a unit were captured.
 
 use depthcal_io::{Calibration, FrameRecord};
-use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Point3;
 
 /// Under which conditions a unit was calibrated.
 #[derive(Debug, Clone, Default)]
@@ -20,12 +20,7 @@ impl Conditions {
         let [low, high] = calibration.target.marker_rectangle();
         let middle = Point3::new(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.0);
         let frames = || calibration.frames.iter();
-        let distance = |frame: &FrameRecord| {
-            let [w, x, y, z] = frame.rotation;
-            let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-            let translation = Translation3::from(Vector3::from(frame.translation_mm));
-            (Isometry3::from_parts(translation, rotation) * middle).z
-        };
+        let distance = |frame: &FrameRecord| (frame.rig_from_board() * middle).z;
         let times = || frames().filter_map(|frame| frame.metadata.timestamp_s);
         let first = times().fold(f64::INFINITY, f64::min);
         Self {

@@ -4,14 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use depthcal_calibration::camera_record::{camera_from_record, piece_records};
-use depthcal_calibration::depth_uncertainty::rig_from_board;
 use depthcal_calibration::task::GivenCamera;
 use depthcal_io::{
     CAMERA, Calibration as Record, CameraFormat, CameraRecord, CovarianceRecord, ExportCamera, ExtrinsicsRecord,
     FileLens, FileReference, FitRecord, FrameRecord, Intrinsics,
 };
 use depthcal_model::{Block, Camera, Pattern, Register, Target};
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -62,16 +61,12 @@ fn alone(rig: &Record, camera: &CameraRecord) -> Record {
         CovarianceRecord { parameters, matrix: rows.iter().map(row).collect() }
     });
     let covariance = covariance.filter(|covariance| !covariance.parameters.is_empty());
-    let [w, x, y, z] = camera.camera_from_rig.rotation;
-    let camera_from_rig = Isometry3::from_parts(
-        Translation3::from(Vector3::from(camera.camera_from_rig.translation_mm)),
-        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),
-    );
+    let camera_from_rig = camera.camera_from_rig.camera_from_rig();
     let frames = rig.frames.iter().map(|frame| {
         if camera.camera_from_rig == ExtrinsicsRecord::REFERENCE {
             return frame.clone();
         }
-        let pose = camera_from_rig * rig_from_board(frame);
+        let pose = camera_from_rig * frame.rig_from_board();
         let q = pose.rotation.quaternion();
         let translation_mm = pose.translation.vector.into();
         FrameRecord { rotation: [q.w, q.i, q.j, q.k], translation_mm, ..frame.clone() }

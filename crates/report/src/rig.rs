@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use depthcal_calibration::judge::transfer::Transfer;
-use depthcal_io::TransferError;
+use depthcal_io::{FrameRecord, TransferError};
 use depthcal_model::hook::HookKind;
 use nalgebra::Isometry3;
 
@@ -79,12 +79,7 @@ pub(super) fn section(page: &mut Content, rig: &ReportRig<'_>, cameras: &[&Repor
     page.open("rig", ["Rig", "The rig: intrinsics, extrinsics, overlaps and transfer errors"], &intro);
     page.body += &intrinsics(rig);
     page.body += &extrinsics(rig);
-    let frames = rig.record.frames.iter().map(|f| {
-        let [w, x, y, z] = f.rotation;
-        let rotation = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
-        Isometry3::from_parts(nalgebra::Translation3::from(nalgebra::Vector3::from(f.translation_mm)), rotation)
-    });
-    let frames: Vec<Isometry3<f64>> = frames.collect();
+    let frames: Vec<Isometry3<f64>> = rig.record.frames.iter().map(FrameRecord::rig_from_board).collect();
     page.grid(&[rig_in_space(&rig.cameras, &frames, &rig.record.target.points())], "one");
     page.body += &overlaps(cameras);
     let transfers: Vec<(String, &Transfer)> =

@@ -154,10 +154,8 @@ impl SideCamera<'_> {
         let Some((calibration, _)) = self.calibration else { return Vec::new() };
         let [low, high] = calibration.target.marker_rectangle();
         let middle = Point3::new(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.0);
-        let distance = |frame: &depthcal_io::FrameRecord| {
-            let rig_from_board = isometry(frame.rotation, frame.translation_mm);
-            (self.placed.camera_from_rig * rig_from_board * middle).z
-        };
+        let distance =
+            |frame: &depthcal_io::FrameRecord| (self.placed.camera_from_rig * frame.rig_from_board() * middle).z;
         calibration.frames.iter().map(distance).filter(|z| *z > 0.0).collect()
     }
 
@@ -175,12 +173,6 @@ impl SideCamera<'_> {
             covered_mm: (nearest < farthest).then_some([nearest, farthest]),
         }
     }
-}
-
-/// The isometry of a unit quaternion [w, x, y, z] and a translation, mm.
-fn isometry([w, x, y, z]: [f64; 4], translation_mm: [f64; 3]) -> Isometry3<f64> {
-    let rotation = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(nalgebra::Translation3::from(nalgebra::Vector3::from(translation_mm)), rotation)
 }
 
 /// Distances in equal ratios, mm, a little beyond those of the boards.

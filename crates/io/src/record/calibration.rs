@@ -4,11 +4,12 @@ use std::io;
 use std::path::Path;
 
 use depthcal_model::Target;
+use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
 use super::board::check_board;
 use super::camera::{CameraRecord, PieceRecord, unique};
-use super::extrinsics::unit_quaternion;
+use super::extrinsics::{isometry, unit_quaternion};
 use super::findings::DiagnosisDeclaration;
 use super::lens_comparison::LensComparison;
 use super::prior::PriorUse;
@@ -114,6 +115,13 @@ pub struct FrameRecord {
     /// The frame's row in the dataset's table.
     #[serde(default)]
     pub metadata: FrameMetadata,
+}
+
+impl FrameRecord {
+    /// The pose: maps coordinates of the board to those of the rig, or of its only camera, mm.
+    pub fn rig_from_board(&self) -> Isometry3<f64> {
+        isometry(self.rotation, self.translation_mm)
+    }
 }
 
 impl Calibration {

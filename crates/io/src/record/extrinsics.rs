@@ -1,5 +1,6 @@
 //! Extrinsics of a camera in `calibration.json`, how they change, and when the camera exposes.
 
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::file::Fault;
@@ -68,10 +69,21 @@ pub struct TimeOffsetRecord {
     pub std_dev_s: Option<f64>,
 }
 
+/// The isometry of a unit quaternion [w, x, y, z] and a translation.
+pub(super) fn isometry([w, x, y, z]: [f64; 4], translation: [f64; 3]) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    Isometry3::from_parts(Translation3::from(Vector3::from(translation)), rotation)
+}
+
 impl ExtrinsicsRecord {
     /// The extrinsics of the reference: the frame of the rig is its own.
     pub const REFERENCE: Self =
         Self { rotation: [1.0, 0.0, 0.0, 0.0], translation_mm: [0.0; 3], std_dev: None, drift: None };
+
+    /// The extrinsics as an isometry: maps coordinates of the rig to those of the camera, mm.
+    pub fn camera_from_rig(&self) -> Isometry3<f64> {
+        isometry(self.rotation, self.translation_mm)
+    }
 
     /// Checks the extrinsics that the file has at `place`.
     pub(super) fn check(&self, place: &str) -> Result<(), Fault> {
