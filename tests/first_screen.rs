@@ -1,4 +1,4 @@
-//! The numbers on the first screen of a report are those of the result files beside it.
+//! Every number on the first screen of a report is in one of the result files in the same folder.
 
 #![cfg(feature = "cli")]
 
@@ -12,6 +12,7 @@ use crate::support::{Folder, succeeds};
 /// Parts of result files that no first screen speaks of, and that are long enough to have any number by chance.
 const LONG: [&str; 8] =
     ["covariance", "observations", "frames", "frame_planes", "separability", "pieces", "lens_comparison", "free"];
+
 /// Factors between a number in a file and the same one for people, by the unit that follows it: shares or per cent, and metres.
 fn factors(unit: &str) -> &'static [f64] {
     match unit {
@@ -117,8 +118,8 @@ const OF_FRAMES: [&str; 4] =
 /// Words for the level of an interval.
 const LEVEL: &str = "95 % interval";
 
-/// How many numbers a report's first screen has, and those that none of the result files beside it has, with the words around
-/// them. Ends of intervals are of no file.
+/// Counts the numbers on the first screen of the report in a folder, and lists those that are in none of the folder's result
+/// files, each with the text around it. The ends of intervals are not checked: no file has them.
 fn unfounded(folder: &Path) -> (usize, Vec<String>) {
     let mut known = Vec::new();
     for file in ["calibration.json", "evaluation.json", "diagnosis.json"] {

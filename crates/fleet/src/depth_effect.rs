@@ -1,7 +1,7 @@
 //! An effect of depth in the model of a unit, and the parameters of the depth model that can take its part.
 
 use depthcal_formula::FormulaEffect;
-use depthcal_io::{Calibration, PieceRecord};
+use depthcal_io::{Calibration, CameraRecord, PieceRecord};
 use depthcal_model::hook::HookKind;
 use depthcal_model::uncertainty::UncertainCamera;
 use depthcal_model::{Block, Camera, Context, Covariate, Placement, Register, Role, ScanKind};
@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 
 /// A place on a ray under some conditions.
 #[derive(Debug, Clone, Copy)]
-pub struct Cell {
+pub(crate) struct Cell {
     /// Pixel and quantities of the frame.
     pub context: Context,
     /// Cosine of the angle of incidence.
@@ -40,16 +40,10 @@ impl DepthEffect {
         let known = |piece: &PieceRecord| block_of(piece, register).filter(|block| block.hook() == HookKind::Depth);
         let is_model = |block: &Block| block.piece().is_some_and(|piece| piece.role() != Role::Effect);
         let of_effect = known(effect)?;
-        let pieces: Vec<(&PieceRecord, Block)> = calibration
-            .camera
-            .pieces
-            .iter()
-            .filter_map(|piece| Some((piece, known(piece)?)))
-            .filter(|(piece, block)| piece.name == effect.name || is_model(block))
-            .collect();
-        let blocks = pieces.iter().map(|(_, block)| block.clone()).collect();
-        let size = [calibration.camera.width, calibration.camera.height];
-        let camera = Camera::new(size[0], size[1], pinhole.try_into().ok()?, blocks);
+        let takes_part = |block: &Block| block.name() == effect.name || is_model(block);
+        let blocks = calibration.camera.pieces.iter().filter_map(known).filter(takes_part).collect();
+        let CameraRecord { width, height, .. } = calibration.camera;
+        let camera = Camera::new(width, height, pinhole.try_into().ok()?, blocks);
         let at_rest = |mut block: Block| {
             if block.name() == effect.name {
                 block.theta = block.parameters().iter().map(|parameter| parameter.nominal).collect();
@@ -81,8 +75,8 @@ impl DepthEffect {
             })
         };
         Some(Self {
-            with: UncertainCamera::new(camera.clone(), &places, &of_effect_alone),
             compensating: others.into_iter().map(changed).collect(),
+            with: UncertainCamera::new(camera, &places, &of_effect_alone),
             without,
             reference_amplitude: reference_amplitude(&of_effect),
         })

@@ -32,7 +32,7 @@ pub mod significance;
 mod unit;
 
 pub use conditions::Conditions;
-pub use depth_effect::{Cell, DepthEffect};
+pub use depth_effect::DepthEffect;
 pub use error::{FEWEST_UNITS, FleetError};
 pub use join::{FleetOptions, Joined, join};
 pub use random_effects::{RandomEffects, UnitEstimate};
