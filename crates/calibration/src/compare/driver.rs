@@ -13,7 +13,7 @@ use super::stability::stability;
 use super::variants::{Variant, thesis_variants};
 use super::verdict::verdict;
 use crate::calibrate::{CalibrateError, CalibratedCamera, Estimator, check_declared_depth};
-use crate::judge::camera::{EvaluatedCamera, evaluate_part};
+use crate::judge::camera::{EvaluatedCamera, OnePart, evaluate_part};
 use crate::judge::cross_validation::thinning;
 use crate::observe::CameraFrames;
 
@@ -139,7 +139,7 @@ impl Judging<'_> {
         record.effective_parameters = effective_parameters(fit);
         let thinning = thinning(fit, COMPARED_PIXELS);
         let evaluate = |fit: &CalibratedCamera, capture: &CameraFrames| {
-            evaluate_part(&fit.camera, capture, thinning, capture.frames.len())
+            evaluate_part(&fit.camera, capture, &OnePart::of(thinning, capture.frames.len()))
         };
         let on_train = evaluate(fit, &self.whole.capture);
         record.fit = errors(&[frame_errors(&on_train)]);

@@ -12,7 +12,7 @@ use super::image_calibrations::ImageCalibrations;
 use super::options::CompareOptions;
 use super::variants::Variant;
 use crate::calibrate::{CalibratedCamera, Estimator};
-use crate::judge::camera::evaluate_part;
+use crate::judge::camera::{OnePart, evaluate_part};
 use crate::judge::cross_validation::thinning;
 use crate::observe::CameraFrames;
 
@@ -66,7 +66,8 @@ pub(super) fn learning_curve(
                     let whole = whole.as_ref().map_err(String::clone)?;
                     let fit = from_image.fit_part(whole, &variant, &options.calibrate)?;
                     let thinning = thinning(&fit, JUDGED_PIXELS);
-                    let judged = |c: &CameraFrames| evaluate_part(&fit.camera, c, thinning, c.frames.len());
+                    let judged =
+                        |c: &CameraFrames| evaluate_part(&fit.camera, c, &OnePart::of(thinning, c.frames.len()));
                     Ok(held_out.par_iter().map(|c| frame_errors(&judged(c))).collect())
                 };
                 options.models.par_iter().zip(fits).map(errors_of).collect()

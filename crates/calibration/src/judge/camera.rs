@@ -85,22 +85,43 @@ pub fn evaluate_camera<F>(camera: &Camera, capture: &CameraFrames<F>) -> Evaluat
 where
     F: EvaluableFrame,
 {
-    evaluate_part(camera, capture, Thinning::ALL, capture.frames.len())
+    evaluate_part(camera, capture, &OnePart::of(Thinning::ALL, capture.frames.len()))
 }
 
-/// Evaluates a camera on one part of `frames` frames that are evaluated together, on the board pixels that `thinning` keeps.
-pub(crate) fn evaluate_part<F>(
-    camera: &Camera,
-    capture: &CameraFrames<F>,
-    thinning: Thinning,
-    frames: usize,
-) -> EvaluatedCamera
+/// A camera that locates uncorrected depth: pixel pieces belong to the correction.
+pub(crate) fn uncorrected(camera: &Camera) -> Camera {
+    camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block))
+}
+
+/// How one part of several is evaluated.
+pub(crate) struct OnePart<'a> {
+    /// Which board pixels count.
+    pub thinning: Thinning,
+    /// Number of frames of all parts.
+    pub frames: usize,
+    /// Rays of a camera that is nearly the one that is evaluated, without its depth pieces; for parts of few pixels.
+    pub similar: Option<&'a PixelRays<'a>>,
+}
+
+impl OnePart<'_> {
+    /// A part of so many frames, of whose camera no other rays are known.
+    pub fn of(thinning: Thinning, frames: usize) -> Self {
+        Self { thinning, frames, similar: None }
+    }
+}
+
+/// Evaluates a camera on the frames of a part.
+pub(crate) fn evaluate_part<F>(camera: &Camera, capture: &CameraFrames<F>, part: &OnePart<'_>) -> EvaluatedCamera
 where
     F: EvaluableFrame,
 {
-    // Pixel pieces belong to the correction: uncorrected depth is located by the pixel of the depth image itself.
-    let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
-    let rays = PixelRays::new(&bare, &capture.target).to_be_corrected_by(camera);
+    let OnePart { thinning, frames, similar } = *part;
+    let bare = uncorrected(camera);
+    let rays = match similar {
+        Some(similar) => similar.of_similar(&bare, &capture.target),
+        None => PixelRays::new(&bare, &capture.target),
+    };
+    let rays = rays.to_be_corrected_by(camera);
     let [least, most] = KEPT_OF_A_FRAME;
     let kept_pixels = (KEPT_PIXELS / frames.max(1)).clamp(least, most);
     let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels, thinning };
@@ -304,7 +325,7 @@ where
     F: AdjustableFrame + EvaluableFrame,
     T: Send,
 {
-    let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
+    let bare = uncorrected(camera);
     let rays = PixelRays::new(&bare, &capture.target).to_be_corrected_by(camera);
     let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels: 0, thinning: Thinning::ALL };
     let of_frame = |frame: &F| {

@@ -5,7 +5,7 @@ use depthcal_statistics::{Bootstrap, Thinning};
 use rayon::prelude::*;
 use tracing::debug;
 
-use super::camera::{EvaluatedCamera, EvaluatedFrame, evaluate_part};
+use super::camera::{EvaluatedCamera, EvaluatedFrame, OnePart, evaluate_part, uncorrected};
 use super::evaluate::{Evaluated, NotFitted};
 use super::linearity::is_linear;
 use super::parts::{Parts, parts_of};
@@ -16,7 +16,7 @@ use crate::calibrate::{
 use crate::observe::board_pixels::board_area_px;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::noise::DepthNoise;
-use crate::observe::{CameraFrames, SampledFrame};
+use crate::observe::{CameraFrames, PixelRays, SampledFrame};
 
 /// The frames to fit and the held-out ones, every `every`-th counted from `first`.
 pub fn split(capture: &CameraFrames, every: usize, first: usize) -> (CameraFrames, CameraFrames) {
@@ -67,6 +67,11 @@ pub fn cross_validate_thinned(
         vec![None; parts]
     };
     let thinning = thinning(fit, most_pixels);
+    let bare = uncorrected(&fit.camera);
+    let of_a_part = most_pixels.saturating_mul(markers.len().div_ceil(parts.max(1)));
+    let are_few = of_a_part < bare.width * bare.height / PIXELS_OF_A_RAY;
+    let rays = are_few.then(|| PixelRays::new(&bare, &fit.capture.target));
+    let judged = OnePart { similar: rays.as_ref(), ..OnePart::of(thinning, markers.len()) };
     let of_part = |part: usize| {
         let mut held = fit.capture.subset(|i, _| part_of[i] == part);
         held.dropped.clear();
@@ -86,7 +91,7 @@ pub fn cross_validate_thinned(
             None => calibrate_camera(&others().detected(), options).map(|fit| fit.camera),
         };
         let evaluated = camera
-            .map(|camera| Evaluated::of_camera(CAMERA, evaluate_part(&camera, &held, thinning, markers.len())))
+            .map(|camera| Evaluated::of_camera(CAMERA, evaluate_part(&camera, &held, &judged)))
             .map_err(|error| {
                 let names = held.frames.iter().map(|frame| frame.name.clone()).collect();
                 Box::new(NotFitted { error, frames: vec![(CAMERA.to_owned(), names)] })
@@ -128,6 +133,9 @@ pub fn errors(evaluated: &EvaluatedCamera) -> HeldOutErrors {
 
 /// Standard deviations at which errors are clipped in the weighted mean: single outliers do not decide.
 const MOST_SIGMAS: f64 = 8.0;
+
+/// Pixels of an image whose rays are computed together in the time of a single one.
+const PIXELS_OF_A_RAY: usize = 8;
 
 /// Whole frames are drawn, because the pixels of a frame share errors.
 const BOOTSTRAP: Bootstrap = Bootstrap::OVER_FRAMES;

@@ -1,5 +1,7 @@
 //! The ray of every pixel of a camera, computed once for all frames.
 
+use std::borrow::Cow;
+
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Camera, Context, Covariate, Modulation, PixelGrid, Target, needed_light};
 use nalgebra::Isometry3;
@@ -23,7 +25,9 @@ const CHECKS: [usize; 2] = [9, 7];
 pub struct PixelRays<'a> {
     camera: &'a Camera,
     /// Row by row, NaN where the lens has no inverse; empty for a lens whose rays depend on depth.
-    table: Vec<[f64; 2]>,
+    table: Cow<'a, [[f64; 2]]>,
+    /// Whether the table is that of the camera itself.
+    is_exact: bool,
     has_pixel_pieces: bool,
     needs_surroundings: bool,
     modulation: Option<Modulation>,
@@ -34,10 +38,24 @@ impl<'a> PixelRays<'a> {
     /// The rays of a camera: a table where the lens is the same at all depths; and the surface that they meet, of a board.
     pub fn new(camera: &'a Camera, target: &Target) -> Self {
         let table = if camera.has_fixed_rays() { table(camera) } else { Vec::new() };
+        Self::from_table(camera, target, Cow::Owned(table), true)
+    }
+
+    /// The rays of a camera that is nearly that of these, such as its fit to other frames, each computed where it is asked for: a
+    /// table takes longer where few pixels are.
+    pub fn of_similar<'b>(&'b self, camera: &'b Camera, target: &Target) -> PixelRays<'b> {
+        let size = camera.width * camera.height;
+        if !camera.has_fixed_rays() || self.table.len() != size {
+            return PixelRays::new(camera, target);
+        }
+        PixelRays::from_table(camera, target, Cow::Borrowed(&self.table), false)
+    }
+
+    fn from_table(camera: &'a Camera, target: &Target, table: Cow<'a, [[f64; 2]]>, is_exact: bool) -> Self {
         let has_pixel_pieces = Self::has_pixel_pieces_of(camera);
         let (needs_surroundings, modulation) = (needs_surroundings(camera), light_of(camera));
         let heights = BoardHeights::new(camera, target);
-        Self { camera, table, has_pixel_pieces, needs_surroundings, modulation, heights }
+        Self { camera, table, is_exact, has_pixel_pieces, needs_surroundings, modulation, heights }
     }
 
     /// These rays for pixels that are then corrected by `camera`: they get the covariates that its pieces need.
@@ -62,9 +80,10 @@ impl<'a> PixelRays<'a> {
     /// has no ray.
     pub fn slant(&self, index: usize, depth_mm: f64) -> f64 {
         let width = self.camera.width.max(1);
-        let exact = || self.camera.ray([(index % width) as f64, (index / width) as f64], 1.0 / depth_mm).ok();
-        let ray = if self.table.is_empty() { exact() } else { self.table.get(index).copied() };
-        ray.filter(|ray| !ray[0].is_nan()).map_or(1.0, |[x, y]| (1.0 + x * x + y * y).sqrt())
+        let pixel = [(index % width) as f64, (index / width) as f64];
+        let ray =
+            if self.table.is_empty() { self.camera.ray(pixel, 1.0 / depth_mm).ok() } else { self.at(pixel, depth_mm) };
+        ray.map_or(1.0, |[x, y]| (1.0 + x * x + y * y).sqrt())
     }
 
     /// Whether pixels need the amplitude around them.
@@ -109,7 +128,11 @@ impl<'a> PixelRays<'a> {
         let nearest = inside(u, width).zip(inside(v, height));
         let near = nearest.map(|(column, row)| self.table[row * width + column]).filter(|ray| !ray[0].is_nan());
         match near {
-            Some(ray) if nearest.is_some_and(|(column, row)| u == column as f64 && v == row as f64) => Some(ray),
+            Some(ray)
+                if self.is_exact && nearest.is_some_and(|(column, row)| [u, v] == [column as f64, row as f64]) =>
+            {
+                Some(ray)
+            }
             near => self.camera.ray_near([u, v], 1.0 / depth_mm, near).ok(),
         }
     }
@@ -242,16 +265,26 @@ mod tests {
             let camera = Camera::new(321, 243, [focal, 1.01 * focal, 155.2, 126.1, 0.0], vec![lens]);
             let rays = PixelRays::new(&camera, &target);
             assert!(!rays.depend_on_depth());
-            for v in (0..243).step_by(7) {
-                for u in (0..321).step_by(3) {
-                    let context = Context { pixel: [f64::from(u), f64::from(v)], ..Context::default() };
-                    match (rays.ray(context.pixel, 800.0, || context), camera.ray(context.pixel, 1e-3).ok()) {
-                        (Some(a), Some(b)) => {
-                            let error = (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
-                            assert!(error < 5.0 * TOLERANCE, "f {focal}, pixel {u}, {v}: {error:e}");
-                        }
-                        (a, b) => assert_eq!(a, b, "f {focal}, pixel {u}, {v}"),
+            assert_rays_of(&camera, &rays, 5.0 * TOLERANCE);
+            let mut theta = camera.theta();
+            theta[0] *= 1.002;
+            theta[5] *= 0.98;
+            let other = camera.with_theta(&theta);
+            assert_rays_of(&other, &rays.of_similar(&other, &target), 1e-9);
+        }
+    }
+
+    fn assert_rays_of(camera: &Camera, rays: &PixelRays<'_>, tolerance: f64) {
+        let focal = camera.pinhole()[0];
+        for v in (0..243).step_by(7) {
+            for u in (0..321).step_by(3) {
+                let context = Context { pixel: [f64::from(u), f64::from(v)], ..Context::default() };
+                match (rays.ray(context.pixel, 800.0, || context), camera.ray(context.pixel, 1e-3).ok()) {
+                    (Some(a), Some(b)) => {
+                        let error = (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+                        assert!(error < tolerance, "f {focal}, pixel {u}, {v}: {error:e}");
                     }
+                    (a, b) => assert_eq!(a, b, "f {focal}, pixel {u}, {v}"),
                 }
             }
         }

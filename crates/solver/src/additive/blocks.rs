@@ -2,15 +2,16 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector, RealField};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::axis::SUPPORT;
-use super::model::{Additive, Cluster, Group};
+use super::model::{Additive, Cluster, Group, ranges};
 use super::penalty::{Information, STRENGTH, block_diagonal};
+use super::products::Products;
 
-/// Blocks of consecutive clusters, of which one is left out at a time.
+/// Blocks of consecutive clusters, of which one is left out at a time, and the fewest.
 const BLOCKS: usize = 6;
+const LEAST_BLOCKS: usize = 3;
 /// Strengths that are compared for groups that take part.
 const STRENGTHS: [f64; 5] = [1e-5, 1e-4, 1e-3, STRENGTH, 1e-1];
 /// Share of its information that a group has to keep where the shared parameters are free: else it is one of these.
@@ -36,7 +37,8 @@ struct LeftOut {
 }
 
 /// The products of all columns by blocks of clusters.
-pub(super) struct Blocks {
+pub(super) struct Blocks<'a> {
+    groups: Vec<&'a Group>,
     ranges: Vec<Range<usize>>,
     /// Products of all columns with each other, over all clusters.
     total: DMatrix<f32>,
@@ -58,36 +60,33 @@ pub(super) fn blocks_of(clusters: usize) -> usize {
     BLOCKS.min(clusters)
 }
 
-/// Normal equations over the shared parameters and the columns of all groups.
-struct Products<T> {
-    shared: DMatrix<f64>,
-    shared_gradient: DVector<f64>,
-    cross: DMatrix<f64>,
-    /// Of the columns with each other.
-    own: DMatrix<T>,
-    gradient: DVector<f64>,
-    /// Sum of every column's entries over the rows.
-    sums: Vec<f64>,
+/// The clusters of a model by blocks; `None` of too few.
+pub(super) fn by_blocks<'a>(model: &'a Additive<'_>) -> Option<Vec<Vec<&'a Cluster<'a>>>> {
+    let count = model.clusters.len();
+    let mut blocks = vec![Vec::new(); blocks_of(count)];
+    let clusters = model.clusters.iter().enumerate();
+    clusters.for_each(|(number, cluster)| blocks[block_of(number, count)].push(cluster));
+    (blocks.len() >= LEAST_BLOCKS).then_some(blocks)
 }
 
-impl Blocks {
+impl<'a> Blocks<'a> {
     /// The products of the clusters; `None` where they do not determine the shared parameters, or there are too few.
-    pub fn of(model: &Additive<'_>) -> Option<Self> {
-        let count = model.clusters.len();
-        let blocks = blocks_of(count);
-        let ranges = model.ranges();
-        let width = ranges.last()?.end;
-        if blocks < 3 {
-            return None;
-        }
-        let of_block = |block: usize| {
-            let mut products = Products::zeros(model.shared(), width);
-            let clusters = model.clusters.iter().enumerate().filter(|(i, _)| block_of(*i, count) == block);
-            clusters.for_each(|(_, cluster)| products.add(cluster, &model.groups, &ranges));
+    pub fn of(model: &'a Additive<'_>) -> Option<Self> {
+        let groups: Vec<&Group> = model.groups.iter().collect();
+        let ranges = ranges(groups.iter().copied());
+        let of_block = |clusters: Vec<&Cluster<'_>>| {
+            let mut products = Products::zeros(model.shared(), ranges.last().map_or(0, |last| last.end));
+            clusters.into_iter().for_each(|cluster| drop(products.add(cluster, &groups, &ranges)));
             products.in_single_precision()
         };
-        let products: Vec<Products<f32>> = (0..blocks).into_par_iter().map(of_block).collect();
-        let mut total = Products::zeros(model.shared(), width);
+        let products = by_blocks(model)?.into_par_iter().map(of_block).collect();
+        Self::of_products(groups, products)
+    }
+
+    /// From the products of some groups in every block; `None` where they do not determine the shared parameters, and of none.
+    pub fn of_products(groups: Vec<&'a Group>, products: Vec<Products<f32>>) -> Option<Self> {
+        let ranges = ranges(groups.iter().copied());
+        let mut total = Products::zeros(products.first()?.shared.ncols(), ranges.last()?.end);
         products.iter().for_each(|block| total.sum(block));
         let visible = total.visible()?;
         let trace = |diagonal: &dyn Fn(usize) -> f64| -> Vec<f64> {
@@ -101,22 +100,22 @@ impl Blocks {
             Information { total: total_of_group, sums }
         };
         let information: Vec<Information> = ranges.iter().zip(information).map(of_group).collect();
-        let penalty = |(group, information): (&Group, &Information)| information.penalty(group, STRENGTH);
-        let penalties = model.groups.iter().zip(&information).map(penalty).collect();
-        let left_out: Option<Vec<LeftOut>> = products.into_par_iter().map(|block| total.leaving_out(block)).collect();
-        Some(Self { ranges, total: total.own, left_out: left_out?, information, penalties, tested })
+        let penalty = |(group, information): (&&Group, &Information)| information.penalty(group, STRENGTH);
+        let penalties = groups.iter().zip(&information).map(penalty).collect();
+        let left_out: Option<Vec<LeftOut>> = products.into_par_iter().map(|block| LeftOut::of(block, &total)).collect();
+        Some(Self { groups, ranges, total: total.own, left_out: left_out?, information, penalties, tested })
     }
 
     /// Chooses the strengths of the penalties of some groups that predict the blocks best, one after the other.
-    pub fn choose_strengths(&mut self, groups: &[usize], model: &Additive<'_>) {
+    pub fn choose_strengths(&mut self, groups: &[usize]) {
         for group in groups {
             let compared = STRENGTHS.map(|strength| {
-                self.penalties[*group] = self.information[*group].penalty(&model.groups[*group], strength);
+                self.penalties[*group] = self.information[*group].penalty(self.groups[*group], strength);
                 (self.gain(groups), strength)
             });
             let best = compared.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
             let (_, strength) = best.unwrap_or((0.0, STRENGTH));
-            self.penalties[*group] = self.information[*group].penalty(&model.groups[*group], strength);
+            self.penalties[*group] = self.information[*group].penalty(self.groups[*group], strength);
         }
     }
 
@@ -156,6 +155,21 @@ impl Blocks {
 }
 
 impl LeftOut {
+    /// A block with these products against all others, given the products of all blocks.
+    fn of(block: Products<f32>, all: &Products<f32>) -> Option<Self> {
+        let factor = (&all.shared - &block.shared).cholesky()?;
+        let cross = &all.cross - &block.cross;
+        let taken = factor.l_dirty().solve_lower_triangular(&cross)?;
+        let carried = factor.solve(&cross);
+        let step = factor.solve(&(&block.shared_gradient - &all.shared_gradient));
+        let gradient = &all.gradient - &block.gradient + cross.tr_mul(&step);
+        // With the shared parameters at `step` − `carried` w.
+        let shared_gradient = &block.shared_gradient + &block.shared * &step;
+        let held_out_gradient = &block.gradient + block.cross.tr_mul(&step) - carried.tr_mul(&shared_gradient);
+        let Products { shared, cross, own, .. } = block;
+        Some(Self { own, taken, gradient, carried, shared, cross, held_out_gradient })
+    }
+
     /// Some rows and columns of H of the others, given the products of all clusters.
     fn part(&self, total: &DMatrix<f32>, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
         let mut part = DMatrix::zeros(rows.len(), columns.len());
@@ -183,106 +197,5 @@ impl LeftOut {
             change += step[j] * (self.held_out_gradient[*column] + 0.5 * product);
         }
         if change.is_finite() { -change } else { 0.0 }
-    }
-}
-
-impl<T: RealField> Products<T> {
-    fn zeros(shared: usize, width: usize) -> Self {
-        Self {
-            shared: DMatrix::zeros(shared, shared),
-            shared_gradient: DVector::zeros(shared),
-            cross: DMatrix::zeros(shared, width),
-            own: DMatrix::zeros(width, width),
-            gradient: DVector::zeros(width),
-            sums: vec![0.0; width],
-        }
-    }
-}
-
-impl Products<f64> {
-    /// Adds the rows of a cluster. Columns are sparse until its own variables are eliminated, which takes off a product of
-    /// low rank.
-    fn add(&mut self, cluster: &Cluster<'_>, groups: &[Group], ranges: &[Range<usize>]) {
-        let rows = cluster.rows.matrix();
-        let kinds = rows.ncols();
-        let (local, shared) = (cluster.rows.local(), cluster.rows.shared());
-        let mut with_rows = DMatrix::zeros(kinds, self.gradient.len());
-        let mut of_row: Vec<(usize, [f64; SUPPORT], usize)> = Vec::with_capacity(2 * groups.len());
-        for row in 0..rows.nrows() {
-            of_row.clear();
-            for (group, columns) in groups.iter().zip(ranges) {
-                let count = columns.len().min(SUPPORT);
-                let take = |first, entries| of_row.push((columns.start + first, entries, count));
-                group.runs(&cluster.table, row, take);
-            }
-            for (i, (start, entries, count)) in of_row.iter().enumerate() {
-                for a in 0..*count {
-                    let entry = entries[a];
-                    if entry == 0.0 {
-                        continue;
-                    }
-                    let column = start + a;
-                    for kind in 0..kinds {
-                        with_rows[(kind, column)] += rows[(row, kind)] * entry;
-                    }
-                    self.sums[column] += entry.abs();
-                    let mut products = self.own.column_mut(column);
-                    let products = products.as_mut_slice();
-                    for (other, values, count) in &of_row[i..] {
-                        // Of a run of fewer the further values are zero.
-                        match products[*other..].first_chunk_mut::<SUPPORT>() {
-                            Some(products) => (0..SUPPORT).for_each(|b| products[b] += entry * values[b]),
-                            None => (0..*count).for_each(|b| products[other + b] += entry * values[b]),
-                        }
-                    }
-                }
-            }
-        }
-        let of_own = with_rows.rows(0, local);
-        self.own.gemm(-1.0, &of_own.transpose(), &of_own, 1.0);
-        self.cross += with_rows.rows(local, shared);
-        self.gradient += with_rows.row(local + shared).transpose();
-        self.shared += cluster.rows.hessian();
-        self.shared_gradient += cluster.rows.gradient();
-    }
-
-    /// Products of the columns with each other, of which the lower triangle is known by now, in both triangles.
-    fn in_single_precision(mut self) -> Products<f32> {
-        self.own.fill_upper_triangle_with_lower_triangle();
-        let Self { shared, shared_gradient, cross, own, gradient, sums } = self;
-        Products { shared, shared_gradient, cross, own: own.cast(), gradient, sums }
-    }
-}
-
-impl Products<f32> {
-    fn sum(&mut self, block: &Self) {
-        self.shared += &block.shared;
-        self.shared_gradient += &block.shared_gradient;
-        self.cross += &block.cross;
-        self.own += &block.own;
-        self.gradient += &block.gradient;
-        self.sums.iter_mut().zip(&block.sums).for_each(|(sum, of_block)| *sum += of_block);
-    }
-
-    /// Information on every column that the shared parameters leave.
-    fn visible(&self) -> Option<Vec<f64>> {
-        let carried = self.shared.clone().cholesky()?.solve(&self.cross);
-        let taken = |column: usize| self.cross.column(column).dot(&carried.column(column));
-        Some((0..self.own.ncols()).map(|column| f64::from(self.own[(column, column)]) - taken(column)).collect())
-    }
-
-    /// A block, whose products are these, against all others, with `self` the sum over all blocks.
-    fn leaving_out(&self, block: Self) -> Option<LeftOut> {
-        let factor = (&self.shared - &block.shared).cholesky()?;
-        let cross = &self.cross - &block.cross;
-        let taken = factor.l_dirty().solve_lower_triangular(&cross)?;
-        let carried = factor.solve(&cross);
-        let step = factor.solve(&(&block.shared_gradient - &self.shared_gradient));
-        let gradient = &self.gradient - &block.gradient + cross.tr_mul(&step);
-        // With the shared parameters at `step` − `carried` w.
-        let shared_gradient = &block.shared_gradient + &block.shared * &step;
-        let held_out_gradient = &block.gradient + block.cross.tr_mul(&step) - carried.tr_mul(&shared_gradient);
-        let Self { shared, cross, own, .. } = block;
-        Some(LeftOut { own, taken, gradient, carried, shared, cross, held_out_gradient })
     }
 }

@@ -13,11 +13,13 @@
 //! Biometrics 1 (1945).
 
 mod axis;
+mod beside;
 mod blocks;
 mod functions;
 mod model;
 mod normal;
 mod penalty;
+mod products;
 mod rows;
 mod search;
 mod strengths;

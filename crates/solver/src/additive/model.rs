@@ -105,29 +105,9 @@ impl Additive<'_> {
         groups.iter().map(|group| self.groups[*group].words.as_str()).collect::<Vec<_>>().join(" + ")
     }
 
-    /// The model with some of its groups, in this order.
-    pub fn with_groups(&self, groups: &[usize]) -> Additive<'_> {
-        Additive {
-            clusters: self.clusters.clone(),
-            groups: groups.iter().map(|group| self.groups[*group].clone()).collect(),
-            sequential: self.sequential.clone(),
-        }
-    }
-
     /// ½ Σ r² of all rows.
     pub fn cost(&self) -> f64 {
         self.clusters.iter().map(|cluster| cluster.rows.cost()).sum()
-    }
-
-    /// The columns of every group among those of all.
-    pub(super) fn ranges(&self) -> Vec<Range<usize>> {
-        let mut start = 0;
-        let range = |group: &Group| {
-            let range = start..start + group.count();
-            start = range.end;
-            range
-        };
-        self.groups.iter().map(range).collect()
     }
 
     /// Normal equations of every cluster over the shared columns and those of some groups, one after the other.
@@ -153,4 +133,15 @@ impl Additive<'_> {
         }
         columns
     }
+}
+
+/// The columns of every group among those of all, one after the other.
+pub(super) fn ranges<'a>(groups: impl Iterator<Item = &'a Group>) -> Vec<Range<usize>> {
+    let mut start = 0;
+    let range = |group: &Group| {
+        let range = start..start + group.count();
+        start = range.end;
+        range
+    };
+    groups.map(range).collect()
 }

@@ -44,7 +44,7 @@ pub struct Found {
 /// The model of a search.
 struct Search<'a> {
     model: &'a Additive<'a>,
-    blocks: Blocks,
+    blocks: Blocks<'a>,
     rows: usize,
 }
 
@@ -123,7 +123,7 @@ impl Search<'_> {
         loop {
             members = self.exchanged(members);
             // What a member is too stiff for would be taken for another function.
-            self.blocks.choose_strengths(&members, self.model);
+            self.blocks.choose_strengths(&members);
             let gain = self.blocks.gain(&members);
             match self.additions(&members).first() {
                 Some((group, with)) if members.len() < MOST && *with > gain + least_gain(self.rows) => {
@@ -141,11 +141,11 @@ impl Search<'_> {
     fn certain(&mut self, mut members: Vec<usize>) -> Vec<usize> {
         for _ in 0..PASSES {
             members = self.exchanged(members);
-            self.blocks.choose_strengths(&members, self.model);
+            self.blocks.choose_strengths(&members);
         }
         while let Some(place) = self.least_certain(&members) {
             members.remove(place);
-            self.blocks.choose_strengths(&members, self.model);
+            self.blocks.choose_strengths(&members);
         }
         self.simplified(members)
     }

@@ -5,9 +5,10 @@ use tracing::info;
 
 use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
-use super::revisit::with_errors_along;
+use super::revisit::{is_plain_by_wald, with_errors_along};
 use super::state::{Event, Judged, State};
 use crate::calibrate::CalibrateError;
+use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::free_map::FREE_MAP;
 use crate::diagnose::held_out::Gain;
 use crate::diagnose::possible::Possible;
@@ -30,22 +31,31 @@ pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Opt
         present = bench.fitted(&model.options(bench.declared()))?;
     }
     let mut first_changed = usize::MAX;
-    // Of all effects first, then of those that were uncertain, as long as there are any; and of all of the last model.
-    let mut asked: Option<Vec<String>> = None;
+    let is_plain = |effect: &&AddedEffect| is_plain_by_wald(&present.fit, effect, bench.thresholds());
+    // First those that may be uncertain, then those that were, as long as there are any; in the end all of the last model.
+    let mut asked = names_of(model.added.iter().filter(|effect| !is_plain(effect)));
+    let mut certain: Vec<String> = Vec::new();
     loop {
-        let Uncertain { least, names } = uncertain(bench, (&mut model, asked.as_deref()), &present, first);
-        let Some(Least { place, gain_percent, without }) = least else {
-            match asked.take() {
-                Some(_) => continue,
-                None => break,
+        let Uncertain { least, names } = uncertain(bench, (&mut model, &asked), &present, first);
+        match least {
+            Some(Least { place, gain_percent, without }) => {
+                let effect = model.added.remove(place);
+                let frames = present.held_out.evaluated.frames.len();
+                possible.extend(gain_percent.map(|gain| Possible::new(effect.evidence.spec, gain, frames)));
+                first_changed = first_changed.min(place);
+                present = without;
+                // Of another model.
+                certain.clear();
+                asked = names;
             }
-        };
-        asked = Some(names);
-        let effect = model.added.remove(place);
-        let frames = present.held_out.evaluated.frames.len();
-        possible.extend(gain_percent.map(|gain| Possible::new(effect.evidence.spec, gain, frames)));
-        first_changed = first_changed.min(place);
-        present = without;
+            None => {
+                certain.append(&mut asked);
+                asked = names_of(model.added.iter().filter(|effect| !certain.contains(&effect.evidence.name)));
+                if asked.is_empty() {
+                    break;
+                }
+            }
+        }
     }
     model = with_errors_along(bench, model.with_own_formulas(), first_changed, &present.held_out)?;
     if let Some(map) = map {
@@ -59,6 +69,10 @@ pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Opt
         }
     }
     Ok(Some(Event::Judged(Box::new(Judged { model, present, possible }))))
+}
+
+fn names_of<'a>(effects: impl Iterator<Item = &'a AddedEffect>) -> Vec<String> {
+    effects.map(|effect| effect.evidence.name.clone()).collect()
 }
 
 /// An effect whose gain is not certain.
@@ -77,18 +91,18 @@ struct Uncertain {
     names: Vec<String>,
 }
 
-/// The effects of a model whose gain, given all others, is not certain, of those that are asked for by name, or of all; gives the
-/// others their gains. `first` is the declared model.
+/// The effects of a model whose gain, given all others, is not certain, of those that are asked for by name; gives the others
+/// their gains. `first` is the declared model.
 fn uncertain(
     bench: &impl Bench,
-    (model, asked): (&mut AugmentedModel, Option<&[String]>),
+    (model, asked): (&mut AugmentedModel, &[String]),
     present: &Fitted,
     first: &Fitted,
 ) -> Uncertain {
     let mut uncertain = Uncertain::default();
     for place in 0..model.added.len() {
         let name = model.added[place].evidence.name.clone();
-        if asked.is_some_and(|asked| !asked.contains(&name)) {
+        if !asked.contains(&name) {
             continue;
         }
         let rest_of_model = model.without(place);

@@ -118,7 +118,7 @@ impl Removal {
 
 /// Whether the parameters of an effect alone say that it is plainly needed: half their Wald statistic, which predicts what the
 /// cost would rise by without it, is [`WALD_FACTOR`] times what is asked of a plain effect. Then no fit without it is made.
-fn is_plain_by_wald(fit: &CalibratedCamera, effect: &AddedEffect, thresholds: &Thresholds) -> bool {
+pub(super) fn is_plain_by_wald(fit: &CalibratedCamera, effect: &AddedEffect, thresholds: &Thresholds) -> bool {
     let wald = || {
         let covariance = fit.covariance.as_ref()?;
         let (block, range) = fit.camera.blocks_with_ranges().find(|(b, _)| b.name() == effect.evidence.name)?;

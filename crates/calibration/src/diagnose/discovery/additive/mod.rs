@@ -10,6 +10,8 @@ mod spline_formula;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeSet;
+
 use depthcal_io::DiagnosisSearched;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera, Register};
@@ -84,19 +86,20 @@ fn functions_of(observations: &Observations) -> (Dictionary, Vec<Found>) {
         // A fine function may be seen where no other is.
         sets.push(Vec::new());
     }
-    let compared = sets.iter().flat_map(|set| {
-        let wide = dictionary.with_fine_pairs(set);
-        let numbers: Vec<usize> = (0..wide.functions.len()).collect();
-        let (known, candidates) = numbers.split_at(set.len());
-        // Where the fine functions are chance after all, what they took the place of counts.
-        let mut versions = vec![known.to_vec(), widened(&wide.model(observations), known, candidates)];
-        versions.dedup();
-        versions.into_iter().map(move |members| {
-            let alternatives = wide.with_alternatives(&members);
-            let places: Vec<usize> = (0..members.len()).collect();
-            let (functions, gain) = certain(&alternatives.model(observations), &places);
-            (alternatives, functions, gain)
-        })
+    let known: Vec<usize> = sets.concat().into_iter().collect::<BTreeSet<usize>>().into_iter().collect();
+    let wide = dictionary.with_fine_pairs(&known);
+    let place_of = |function: &usize| known.iter().position(|other| other == function);
+    let sets: Vec<Vec<usize>> = sets.iter().map(|set| set.iter().filter_map(place_of).collect()).collect();
+    let candidates: Vec<usize> = (known.len()..wide.functions.len()).collect();
+    // Where the fine functions are chance after all, what they took the place of counts.
+    let with_fine = widened(&wide.model(observations), &sets, &candidates);
+    let mut versions: Vec<Vec<usize>> = sets.into_iter().zip(with_fine).flat_map(<[_; 2]>::from).collect();
+    versions.dedup();
+    let compared = versions.into_iter().map(|members| {
+        let alternatives = wide.with_alternatives(&members);
+        let places: Vec<usize> = (0..members.len()).collect();
+        let (functions, gain) = certain(&alternatives.model(observations), &places);
+        (alternatives, functions, gain)
     });
     let best = compared.max_by(|a, b| a.2.total_cmp(&b.2));
     match best {
