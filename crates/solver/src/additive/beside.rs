@@ -65,14 +65,17 @@ impl<'a> Beside<'a> {
         Some(Self { model, columns: groups.iter().copied().zip(ranges).collect(), width, blocks })
     }
 
-    /// The products of some of its groups, and of a candidate, if any; `None` where they do not determine the shared parameters.
-    pub fn blocks(&self, groups: &[usize], candidate: Option<usize>) -> Option<Blocks<'a>> {
-        let columns: Vec<usize> = groups.iter().flat_map(|group| self.columns[group].clone()).collect();
+    /// The products of some of its groups, and of a candidate or a further group, if any; `None` where they do not determine the
+    /// shared parameters.
+    pub fn blocks(&self, groups: &[usize], further: Option<usize>) -> Option<Blocks<'a>> {
+        let groups: Vec<usize> = groups.iter().copied().chain(further).collect();
+        let columns: Vec<usize> = groups.iter().filter_map(|group| self.columns.get(group).cloned()).flatten().collect();
         let products = |block: &OfBlock| {
-            block.groups.picked(&columns, candidate.map(|candidate| (&block.candidates[&candidate], self.width)))
+            let strip = further.and_then(|candidate| block.candidates.get(&candidate));
+            block.groups.picked(&columns, strip.map(|strip| (strip, self.width)))
         };
         let products = self.blocks.iter().map(products).collect();
-        Blocks::of_products(groups.iter().chain(&candidate).map(|g| &self.model.groups[*g]).collect(), products)
+        Blocks::of_products(groups.iter().map(|group| &self.model.groups[*group]).collect(), products)
     }
 }
 
