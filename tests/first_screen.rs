@@ -111,15 +111,13 @@ fn first_screen(html: &str) -> String {
     text
 }
 
-/// Words around numbers that the report takes from all frames or pixels, which result files do not have: the range of most
-/// pixels, and the deviations of whole frames.
-const OF_FRAMES: [&str; 4] =
-    ["of the pixels", "whole frames are off by", "most in frame", "with a standard deviation of"];
-/// Words for the level of an interval.
-const LEVEL: &str = "95 % interval";
+/// Words around numbers about whole frames, which the report takes from all of them, and result files do not have.
+const OF_FRAMES: [&str; 3] = ["whole frames are off by", "most in frame", "with a standard deviation of"];
+/// Words for the level of an interval, and for the share of pixels within a range.
+const LEVELS: [&str; 2] = ["95 % interval", "90 % of the pixels"];
 
 /// Counts the numbers on the first screen of the report in a folder, and lists those that are in none of the folder's result
-/// files, each with the text around it. The ends of intervals are not checked: no file has them.
+/// files, each with the text around it.
 fn unfounded(folder: &Path) -> (usize, Vec<String>) {
     let mut known = Vec::new();
     for file in ["calibration.json", "evaluation.json", "diagnosis.json"] {
@@ -140,16 +138,12 @@ fn unfounded(folder: &Path) -> (usize, Vec<String>) {
         let before = text[..place].char_indices().rev().nth(40).map_or(0, |(start, _)| start);
         text[before..].chars().take(80).collect::<String>()
     };
-    let is_end = |i: usize| {
-        let joined = |pair: &[Shown]| text[pair[0].place..pair[1].place].split_whitespace().nth(1) == Some("to");
-        all.get(i..i + 2).is_some_and(joined) || i > 0 && all.get(i - 1..=i).is_some_and(joined)
-    };
     let is_of_frames = |place: usize| OF_FRAMES.iter().any(|words| around(place).contains(words));
-    let is_unfounded = |(i, shown): &(usize, &Shown)| {
-        let is_level = text[shown.place..].starts_with(LEVEL);
-        !is_known(shown) && !is_level && !is_end(*i) && !is_of_frames(shown.place)
+    let is_unfounded = |shown: &&Shown| {
+        let is_level = LEVELS.iter().any(|level| text[shown.place..].starts_with(level));
+        !is_known(shown) && !is_level && !is_of_frames(shown.place)
     };
-    let unknown = all.iter().enumerate().filter(is_unfounded).map(|(_, shown)| around(shown.place)).collect();
+    let unknown = all.iter().filter(is_unfounded).map(|shown| around(shown.place)).collect();
     (all.len(), unknown)
 }
 

@@ -1,6 +1,6 @@
 //! Errors in bins: every frame contributes its median; the scatter of the medians is the uncertainty.
 
-use super::pool::{Pool, usable};
+use super::pool::Pool;
 use super::statistics::sign_generator;
 use depthcal_calibration::judge::depth_errors::PixelError;
 use depthcal_statistics::{median, student_quantile};
@@ -77,7 +77,7 @@ impl Binned {
         let mut variances = Vec::with_capacity(pool.frames.len());
         for pooled in &pool.frames {
             let (mut variance, mut n) = (0.0, 0_usize);
-            for p in pooled.frame.pixels.iter().filter(|p| usable(p)) {
+            for p in pooled.frame.pixels.iter().filter(|p| p.is_usable()) {
                 if let Some(c) = cell(p).filter(|c| *c < cells) {
                     lists[c].push(value(p));
                     variance += sigma(p).powi(2);

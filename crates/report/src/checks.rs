@@ -8,7 +8,7 @@ use super::input::{ReportCamera, Role};
 use super::left_out::sentence;
 use super::leftover::Leftover;
 use super::pool::Pool;
-use super::statistics::Change;
+use depthcal_calibration::judge::intervals::Change;
 
 /// The outcome of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
 use super::binned::Structure;
 use super::finding::{Finding, Over};
 use super::format::{number, signed};
-use super::pool::{Pool, Pooled, usable};
+use super::pool::{Pool, Pooled};
 use super::statistics::rms;
 use super::uncertainty::standard_deviations;
 use depthcal_calibration::calibrate::CalibratedCamera;
@@ -41,7 +41,7 @@ pub(super) fn offsets(c: &CalibratedCamera, pool: &Pool<'_>, fewest: usize) -> O
     let seen: Vec<(&Pooled<'_>, Vec<&PixelError>)> = pool
         .frames
         .iter()
-        .map(|f| (f, f.frame.pixels.iter().filter(|p| usable(p)).collect::<Vec<_>>()))
+        .map(|f| (f, f.frame.pixels.iter().filter(|p| p.is_usable()).collect::<Vec<_>>()))
         .filter(|(_, p)| p.len() >= FEWEST)
         .collect();
     let centres: Vec<_> = seen.iter().map(|(_, p)| (p[p.len() / 2].context, p[p.len() / 2].board_depth_mm)).collect();

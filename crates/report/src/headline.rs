@@ -3,7 +3,7 @@
 use super::format::{self, count, number};
 use super::input::{ReportCamera, Role};
 use super::pool::Pool;
-use super::statistics::Change;
+use depthcal_calibration::judge::intervals::Change;
 use depthcal_statistics::Estimate;
 
 /// How the correction changed an error.

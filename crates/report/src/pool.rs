@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::input::{ReportCamera, ReportDataset, ReportDiagnosis, Role};
-use super::statistics::{Change, Kind, Total, change, estimate};
 use depthcal_calibration::judge::camera::{EvaluatedFrame, outliers};
-use depthcal_calibration::judge::depth_errors::{PixelError, Sums};
+use depthcal_calibration::judge::depth_errors::PixelError;
+use depthcal_calibration::judge::intervals::{self, Change};
 use depthcal_io::Outliers;
 use depthcal_statistics::Estimate;
 
@@ -21,11 +21,6 @@ pub(super) struct Pooled<'a> {
 #[derive(Debug, Clone)]
 pub(super) struct Pool<'a> {
     pub frames: Vec<Pooled<'a>>,
-}
-
-/// Whether all errors of a pixel are finite.
-pub(super) fn usable(p: &PixelError) -> bool {
-    p.before_mm.is_finite() && p.after_mm.is_finite() && p.board_depth_mm.is_finite()
 }
 
 fn of_dataset<'a>(d: &ReportDataset<'a>) -> impl Iterator<Item = Pooled<'a>> {
@@ -77,34 +72,27 @@ impl<'a> Pool<'a> {
     }
 
     /// All usable pixels of those that were kept one by one.
-    pub(super) fn pixels(&self) -> impl Iterator<Item = &'a PixelError> + '_ {
-        self.frames.iter().flat_map(|f| f.frame.pixels.iter()).filter(|p| usable(p))
+    pub(super) fn pixels(&self) -> impl Iterator<Item = &'a PixelError> + Clone + '_ {
+        self.frames.iter().flat_map(|f| f.frame.pixels.iter()).filter(|p| p.is_usable())
     }
 
-    fn totals(&self, of: impl Fn(&EvaluatedFrame) -> Total) -> Vec<Total> {
-        self.frames.iter().map(|f| of(f.frame)).collect()
+    fn evaluated(&self) -> impl Iterator<Item = &'a EvaluatedFrame> + Clone + '_ {
+        self.frames.iter().map(|f| f.frame)
     }
 
     /// Mean dot error, mm; `None` without depth.
     pub(super) fn dot_error(&self) -> Option<Change> {
-        let side = |i: usize| self.totals(|f| Total::of(f.dots.iter().map(|d| d[i])));
-        change(&side(0), &side(1), Kind::Mean)
+        intervals::dot_error(self.evaluated())
     }
 
     /// Mean plane error, mm; `None` without depth.
     pub(super) fn plane_error(&self) -> Option<Change> {
-        let total = |f: &EvaluatedFrame, of: &Sums| Total { sum: of.sizes_mm, count: f.depth.pixels };
-        let before = self.totals(|f| total(f, &f.depth.height.before));
-        let after = self.totals(|f| total(f, &f.depth.height.after));
-        change(&before, &after, Kind::Mean)
+        intervals::plane_error(self.evaluated())
     }
 
     /// Root mean square depth error, mm; `None` without depth.
     pub(super) fn depth_rms(&self) -> Option<Change> {
-        let total = |f: &EvaluatedFrame, of: &Sums| Total { sum: of.squares_mm2, count: f.depth.pixels };
-        let before = self.totals(|f| total(f, &f.depth.depth.before));
-        let after = self.totals(|f| total(f, &f.depth.depth.after));
-        change(&before, &after, Kind::Rms)
+        intervals::depth_rms(self.evaluated())
     }
 
     /// Number of markers of these frames that were left out.
@@ -114,12 +102,11 @@ impl<'a> Pool<'a> {
 
     /// Board pixels of these frames that were left out of the errors of depth; `None` without depth.
     pub(super) fn outliers(&self) -> Option<Outliers> {
-        outliers(self.frames.iter().map(|f| f.frame))
+        outliers(self.evaluated())
     }
 
     /// Root mean square reprojection error, px, and the number of frames.
     pub(super) fn reprojection(&self) -> Option<(Estimate, usize)> {
-        let squares = |f: &EvaluatedFrame| Total::of(f.reprojection.iter().map(|e| e[2].powi(2) + e[3].powi(2)));
-        estimate(&self.totals(squares), Kind::Rms)
+        intervals::reprojection(self.evaluated())
     }
 }

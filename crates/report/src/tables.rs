@@ -9,9 +9,9 @@ use super::input::{ReportCamera, ReportDataset, Role};
 use super::left_out;
 use super::parameters::model_words;
 use super::pool::Pool;
-use super::statistics::Change;
 use super::uncertainty::{distances, typical};
 use depthcal_calibration::calibrate::CalibratedCamera;
+use depthcal_calibration::judge::intervals::Change;
 use depthcal_model::hook::HookKind;
 use depthcal_statistics::{Estimate, quantile};
 

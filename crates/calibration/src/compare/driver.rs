@@ -1,6 +1,6 @@
 //! The comparison: every variant fitted and evaluated, then ranked.
 
-use depthcal_io::{Comparison, DatasetEvaluation, ModelComparison};
+use depthcal_io::{Comparison, ModelComparison};
 use rayon::prelude::*;
 
 use super::errors::{FrameErrors, errors, frame_errors};
@@ -154,8 +154,7 @@ impl Judging<'_> {
         } else {
             evaluations.extend(self.verify.par_iter().map(|c| evaluate(fit, c)).collect::<Vec<_>>());
         }
-        record.per_dataset =
-            evaluations.iter().map(|e| DatasetEvaluation { frames_detail: Vec::new(), ..e.record() }).collect();
+        record.per_dataset = evaluations.iter().map(EvaluatedCamera::errors).collect();
         let held_out: Vec<Vec<FrameErrors>> = evaluations[1..].iter().map(frame_errors).collect();
         let [refused, all] =
             held_out.iter().flatten().fold([0, 0], |[r, a], f| [r + f.uncorrectable[0], a + f.uncorrectable[1]]);

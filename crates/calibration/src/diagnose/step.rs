@@ -11,7 +11,8 @@ use super::free_map::FREE_MAP;
 use super::held_out::HeldOut;
 use super::observed_states::ObservedStates;
 use crate::calibrate::CalibratedCamera;
-use crate::judge::cross_validation::{depth_gain_percent, depth_rms_interval};
+use crate::judge::cross_validation::depth_gain_percent;
+use crate::judge::intervals::depth_rms;
 
 /// An effect that was added.
 #[derive(Debug, Clone)]
@@ -82,7 +83,8 @@ pub(super) fn steps(
             p_value: added.p_value,
             before: before.errors,
             after: added.after.errors,
-            depth_rms_after_mm: depth_rms_interval(&added.after.evaluated),
+            depth_rms_after_mm: depth_rms(added.after.evaluated.frames.iter())
+                .and_then(|change| change.after_interval()),
             gain_percent: added.gain_percent,
             depth_gain_percent: depth_gain_percent(&before.evaluated, &added.after.evaluated),
         })

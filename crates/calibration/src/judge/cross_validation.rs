@@ -1,6 +1,6 @@
 //! Cross-validation: errors on frames that a fit did not see, and their bootstrap intervals.
 
-use depthcal_io::{CAMERA, GainInterval, HeldOutErrors, Interval};
+use depthcal_io::{CAMERA, GainInterval, HeldOutErrors};
 use depthcal_statistics::{Bootstrap, Thinning};
 use rayon::prelude::*;
 use tracing::debug;
@@ -121,7 +121,7 @@ pub(crate) fn thinning(fit: &CalibratedCamera, most: usize) -> Thinning {
 
 /// The errors after correction, one number of each kind.
 pub fn errors(evaluated: &EvaluatedCamera) -> HeldOutErrors {
-    let record = evaluated.record();
+    let record = evaluated.errors();
     HeldOutErrors {
         dot_error_mm: record.dot_error_mm.map(|e| e.after.mean),
         plane_error_mm: record.plane_error_mm.map(|e| e.after.mean),
@@ -143,9 +143,6 @@ const BOOTSTRAP: Bootstrap = Bootstrap::OVER_FRAMES;
 /// Blocks of consecutive frames into which a recording is divided where time matters.
 const BLOCKS_OF_TIME: usize = 10;
 
-/// Fewest frames for an interval.
-const FEWEST_FRAMES: usize = 3;
-
 /// Sum of a frame's squared depth errors after correction, mm², and their number.
 fn squares(f: &EvaluatedFrame) -> (f64, f64) {
     (f.depth.depth.after.squares_mm2, f.depth.pixels as f64)
@@ -155,18 +152,6 @@ fn squares(f: &EvaluatedFrame) -> (f64, f64) {
 fn pooled_rms(frames: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (sum, n) = frames.fold((0.0, 0.0), |(sum, n), (squares, count)| (sum + squares, n + count));
     (sum / n).sqrt()
-}
-
-/// Root mean square depth error after correction, mm, with its 95 % interval over frames; `None` with fewer than three frames
-/// with depth.
-pub fn depth_rms_interval(evaluated: &EvaluatedCamera) -> Option<Interval> {
-    let frames: Vec<(f64, f64)> = evaluated.frames.iter().map(squares).filter(|f| f.1 > 0.0).collect();
-    if frames.len() < FEWEST_FRAMES {
-        return None;
-    }
-    // Far frames, of which there are few, make up most of the mean square.
-    let mean_square = BOOTSTRAP.ratio(&frames);
-    Some(Interval { mean: mean_square.value.sqrt(), low: mean_square.low.sqrt(), high: mean_square.high.sqrt() })
 }
 
 /// The frames of two evaluations that both have, in pairs.
@@ -273,20 +258,6 @@ mod tests {
         let frames = errors_mm.iter().enumerate();
         let frames = frames.map(|(i, e)| EvaluatedFrame::of_depth_errors(format!("{i:03}"), &[*e; 10]));
         EvaluatedCamera { name: "test".into(), frames: frames.collect(), dropped: Vec::new() }
-    }
-
-    #[test]
-    fn errors_and_their_intervals() {
-        // Of equal frames every draw is the same; of two kinds the interval lies between them and about the whole.
-        let same = depth_rms_interval(&evaluated(&[2.0; 20])).unwrap();
-        assert!([same.mean, same.low, same.high].iter().all(|v| (v - 2.0).abs() < 1e-12), "{same:?}");
-        let mixed: Vec<f64> = (0..40).map(|i| if i % 2 == 0 { 1.0 } else { 3.0 }).collect();
-        let mixed = depth_rms_interval(&evaluated(&mixed)).unwrap();
-        assert!((mixed.mean - 5.0_f64.sqrt()).abs() < 1e-12, "{mixed:?}");
-        // The mean square, 5 mm², has the standard error 4 / √40 = 0.63 mm².
-        let ends = [mixed.low, mixed.high].map(|v| (v * v - 5.0).abs() / (1.96 * 0.632));
-        assert!(ends.iter().all(|e| (e - 1.0).abs() < 0.25), "{mixed:?}");
-        assert!(depth_rms_interval(&evaluated(&[1.0; 2])).is_none());
     }
 
     #[test]

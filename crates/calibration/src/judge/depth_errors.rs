@@ -28,6 +28,11 @@ pub struct PixelError {
 }
 
 impl PixelError {
+    /// Whether its depth and its errors are known.
+    pub fn is_usable(&self) -> bool {
+        self.before_mm.is_finite() && self.after_mm.is_finite() && self.board_depth_mm.is_finite()
+    }
+
     /// Of a pixel as measured and as corrected, against the board's surface, without covariates.
     pub(super) fn of(measured: &BoardPixel, corrected: &BoardPixel, surface: &BoardSurface<'_>) -> Self {
         Self {

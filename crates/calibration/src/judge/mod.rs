@@ -7,6 +7,8 @@ pub mod cross_validation;
 pub mod depth_errors;
 pub mod difference;
 pub mod evaluate;
+mod evaluation_record;
+pub mod intervals;
 mod linearity;
 pub mod parts;
 pub mod table;

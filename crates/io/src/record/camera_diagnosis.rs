@@ -3,12 +3,12 @@
 use depthcal_model::{FormulaDefinition, ModelSpec, Of, On, PieceSpec};
 use serde::{Deserialize, Serialize};
 
-use super::comparison::Interval;
 use super::component::DiagnosisComponent;
 use super::covariate::DiagnosisCovariate;
 use super::decision::{DiagnosisDecision, DiagnosisRefuted};
 use super::evaluation::Outliers;
 use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
+use super::interval::Interval;
 use super::pure_error::DiagnosisPureError;
 use super::reference::FileReference;
 use super::searched::DiagnosisSearched;

@@ -4,6 +4,7 @@ use depthcal_model::ModelSpec;
 use serde::{Deserialize, Serialize};
 
 use super::evaluation::DatasetEvaluation;
+use super::interval::Interval;
 use super::result_file::result_file;
 use crate::file::{read_json, write_json};
 
@@ -100,17 +101,6 @@ pub struct Errors<T> {
     pub plane_error_mm: T,
     /// Root mean square of the depth error, mm.
     pub depth_rms_mm: T,
-}
-
-/// A value with its 95 % confidence interval.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct Interval {
-    /// The value.
-    pub mean: f64,
-    /// Lower end.
-    pub low: f64,
-    /// Upper end.
-    pub high: f64,
 }
 
 /// Errors of a model fitted to subsets of the frames.

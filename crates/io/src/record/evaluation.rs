@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::interval::Interval;
 use super::result_file::result_file;
 use crate::file::{read_json, write_json};
 
@@ -77,9 +78,41 @@ pub struct DatasetEvaluation {
     /// Board pixels that are no measurements of the board, and are therefore in none of these errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outliers: Option<Outliers>,
+    /// Their 95 % intervals; absent of fewer than three frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intervals: Option<ErrorIntervals>,
+    /// The range in which 90 % of the errors of single pixels lie, those of depth minus the board's depth, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_90_percent_mm: Option<BeforeAfter<Spread>>,
     /// These errors for every frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frames_detail: Vec<FrameEvaluation>,
+}
+
+/// 95 % intervals of errors with the meaning of [`DatasetEvaluation`], by resampling frames: pixels of a frame share errors.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct ErrorIntervals {
+    /// Of the reprojection error, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reprojection_px: Option<Interval>,
+    /// Of the mean dot error, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dot_error_mm: Option<BeforeAfter<Interval>>,
+    /// Of the mean plane error, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane_error_mm: Option<BeforeAfter<Interval>>,
+    /// Of the root mean square depth error, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_rms_mm: Option<BeforeAfter<Interval>>,
+}
+
+/// A range of values.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Spread {
+    /// Its lower end.
+    pub low: f64,
+    /// Its upper end.
+    pub high: f64,
 }
 
 /// Errors of one frame, with the meaning of [`DatasetEvaluation`].
@@ -164,6 +197,10 @@ mod tests {
     #[test]
     fn the_file_is_the_contract_to_the_letter() {
         let error = BeforeAfter { before: MeanStd { mean: 7.5, std: 3.5 }, after: MeanStd { mean: 3.5, std: 1.5 } };
+        let interval = Interval { mean: 6.5, low: 6.0, high: 7.25 };
+        let of_depth = Some(BeforeAfter { before: interval, after: interval });
+        let intervals = ErrorIntervals { depth_rms_mm: of_depth, ..ErrorIntervals::default() };
+        let range = Spread { low: -4.5, high: 8.0 };
         let evaluation = Evaluation {
             datasets: vec![DatasetEvaluation {
                 name: "general1".into(),
@@ -173,6 +210,8 @@ mod tests {
                 plane_error_mm: Some(error),
                 depth_rms_mm: Some(BeforeAfter { before: 10.5, after: 6.5 }),
                 outliers: Some(Outliers { count: 3, share: 0.125, limit_mm: 30.0 }),
+                intervals: Some(intervals),
+                depth_90_percent_mm: Some(BeforeAfter { before: range, after: range }),
                 frames_detail: Vec::new(),
             }],
             transfer: Vec::new(),
@@ -181,10 +220,14 @@ mod tests {
         let path = folder.path().join("evaluation.json");
         evaluation.write(&path).unwrap();
         let both = json!({"before": {"mean": 7.5, "std": 3.5}, "after": {"mean": 3.5, "std": 1.5}});
+        let interval = json!({"mean": 6.5, "low": 6.0, "high": 7.25});
+        let range = json!({"low": -4.5, "high": 8.0});
         let expected = json!({"datasets": [{
             "name": "general1", "frames": 27, "reprojection_px": {"rms": 0.125}, "dot_error_mm": both,
             "plane_error_mm": both, "depth_rms_mm": {"before": 10.5, "after": 6.5},
             "outliers": {"count": 3, "share": 0.125, "limit_mm": 30.0},
+            "intervals": {"depth_rms_mm": {"before": interval, "after": interval}},
+            "depth_90_percent_mm": {"before": range, "after": range},
         }]});
         assert_eq!(read_json::<serde_json::Value>(&path).unwrap(), expected);
         assert_eq!(Evaluation::read(&path).unwrap(), evaluation);

@@ -15,6 +15,7 @@ mod evaluation;
 mod extrinsics;
 mod findings;
 mod fleet;
+mod interval;
 mod lens_comparison;
 mod observations;
 mod options;
@@ -35,7 +36,7 @@ pub use camera_diagnosis::{
     DiagnosisRunnerUp, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
 };
 pub use comparison::{
-    Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord, recommended,
+    Comparison, Errors, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord, recommended,
 };
 pub use component::{DiagnosisComponent, DiagnosisComponentBin, DiagnosisCovariatePart};
 pub use covariate::DiagnosisCovariate;
@@ -50,8 +51,8 @@ pub use difference::{
     ExtrinsicsDifference, ParameterDifference, ProjectionDifference, grid_pixel,
 };
 pub use evaluation::{
-    BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms, TransferAtDistance,
-    TransferError,
+    BeforeAfter, DatasetEvaluation, ErrorIntervals, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms, Spread,
+    TransferAtDistance, TransferError,
 };
 pub use extrinsics::{DriftOver, DriftRecord, ExtrinsicsRecord, ExtrinsicsStdDev, TimeOffsetRecord};
 pub use findings::{
@@ -62,6 +63,7 @@ pub use fleet::{
     Fleet, FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOnDepth, FleetOutlier, FleetOutlierPart, FleetParameter,
     FleetReplication, FleetUnit, FleetUnitOnDepth, FleetUnitValue,
 };
+pub use interval::Interval;
 pub use lens_comparison::{ComparedLens, LensComparison};
 pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};
 pub use prior::{Prior, PriorUse, UsedPriorParameter};

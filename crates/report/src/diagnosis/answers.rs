@@ -1,6 +1,6 @@
 //! The first screen of a diagnosis: headline, verdict, and questions with answers.
 
-use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Verdict};
+use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Spread, Verdict};
 
 use super::remedies::remedy;
 use super::sentences::{
@@ -13,9 +13,8 @@ use crate::input::{ReportCamera, ReportDiagnosis};
 use crate::left_out;
 use crate::parameters::summary;
 use crate::pool::Pool;
-use crate::statistics::Change;
+use depthcal_calibration::judge::intervals::{self, Change};
 use depthcal_model::{ModelSpec, PieceSpec};
-use depthcal_statistics::quantile;
 
 /// Free functions are named if they lower the weighted residual by more than this, per cent.
 const WORTH_PERCENT: f64 = 0.5;
@@ -151,8 +150,9 @@ fn how_wrong(camera: &ReportCamera<'_>) -> String {
 
 fn place(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
     let pool = Pool::last(camera);
-    let error_mm = |q: f64| quantile(pool.pixels().map(|p| p.before_mm), q);
-    let (low, high) = (error_mm(0.05), error_mm(0.95));
+    let Some(Spread { low, high }) = intervals::spread(pool.pixels().map(|p| p.before_mm)) else {
+        return "No depth could be evaluated.".to_owned();
+    };
     let side = match (low > 0.0, high < 0.0) {
         (true, _) => "nearly everywhere too far",
         (_, true) => "nearly everywhere too near",

@@ -7,7 +7,7 @@ use super::plotly::{AFTER, BEFORE, axis, plain, short, whiskers};
 use crate::format::number;
 use crate::input::{ReportCamera, Role};
 use crate::pool::Pool;
-use crate::statistics::Change;
+use depthcal_calibration::judge::intervals::Change;
 use depthcal_statistics::Estimate;
 
 fn bar(name: &str, colour: &str, labels: &[String], values: &[Estimate], hatched: bool) -> Value {

@@ -14,7 +14,7 @@ use crate::html::escape;
 use crate::input::ReportCamera;
 use crate::input::ReportDiagnosis;
 use crate::leftover::noise_mm;
-use crate::pool::{Pool, usable};
+use crate::pool::Pool;
 use crate::statistics::rms;
 use depthcal_calibration::judge::camera::EvaluatedFrame;
 use depthcal_calibration::judge::depth_errors::PixelError;
@@ -45,7 +45,7 @@ impl<'a> Taken<'a> {
             // A stride that shares factors with the rows would see some columns only.
             let chosen = f.frame.pixels.iter().enumerate().filter(|(i, _)| i.wrapping_mul(2_654_435_761) % step == 0);
             let difference = |p: &'a PixelError| Some((p, errors.get(&key(p))? - p.after_mm));
-            chosen.filter_map(|(_, p)| difference(p)).filter(|(p, t)| usable(p) && t.is_finite()).collect()
+            chosen.filter_map(|(_, p)| difference(p)).filter(|(p, t)| p.is_usable() && t.is_finite()).collect()
         });
         Some(Self(taken.collect()))
     }

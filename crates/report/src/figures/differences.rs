@@ -8,7 +8,7 @@ use crate::format::{count, number};
 use crate::input::ReportCamera;
 use crate::input::ReportDiagnosis;
 use crate::left_out::share;
-use crate::pool::{Pool, Pooled, usable};
+use crate::pool::{Pool, Pooled};
 use depthcal_calibration::judge::camera::EvaluatedFrame;
 use depthcal_calibration::judge::depth_errors::PixelError;
 use depthcal_statistics::{median, quantile};
@@ -29,7 +29,7 @@ struct Raster {
 
 fn raster(frame: &EvaluatedFrame, cells: usize) -> Option<Raster> {
     let pixels: Vec<&PixelError> =
-        frame.pixels.iter().filter(|p| usable(p) && p.context.pixel.iter().all(|c| c.is_finite())).collect();
+        frame.pixels.iter().filter(|p| p.is_usable() && p.context.pixel.iter().all(|c| c.is_finite())).collect();
     let bounds = pixels.iter().fold([f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY], |b, p| {
         let [u, v] = p.context.pixel;
         [b[0].min(u), b[1].min(v), b[2].max(u), b[3].max(v)]
@@ -141,7 +141,7 @@ pub(crate) fn differences(camera: &ReportCamera<'_>) -> Vec<Figure> {
     let mut pool = Pool::of(camera, |_| true);
     // Held-out frames first: their errors are those to expect on new frames.
     pool.frames.sort_by_key(|f| f.role == crate::Role::Fitted);
-    pool.frames.retain(|f| f.frame.pixels.iter().any(usable));
+    pool.frames.retain(|f| f.frame.pixels.iter().any(PixelError::is_usable));
     if pool.frames.is_empty() {
         return Vec::new();
     }
@@ -168,7 +168,7 @@ pub(crate) fn differences(camera: &ReportCamera<'_>) -> Vec<Figure> {
 /// Three figures of the held-out frames of a diagnosis: as measured, and under the declared and the last model.
 pub(crate) fn differences_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
     let mut pool = Pool::last(camera);
-    pool.frames.retain(|f| f.frame.pixels.iter().any(usable));
+    pool.frames.retain(|f| f.frame.pixels.iter().any(PixelError::is_usable));
     if pool.frames.is_empty() {
         return Vec::new();
     }

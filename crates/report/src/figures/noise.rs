@@ -6,7 +6,7 @@ use super::figure::Figure;
 use super::plotly::{AFTER, NEUTRAL, plain, short, shorts};
 use crate::format::number;
 use crate::input::ReportCamera;
-use crate::pool::{Pool, usable};
+use crate::pool::Pool;
 use depthcal_calibration::observe::noise::clipped_sigma;
 use depthcal_statistics::median;
 
@@ -21,7 +21,7 @@ pub(crate) fn noise(camera: &ReportCamera<'_>) -> Option<Figure> {
         .frames
         .iter()
         .filter_map(|f| {
-            let pixels: Vec<_> = f.frame.pixels.iter().filter(|p| usable(p)).collect();
+            let pixels: Vec<_> = f.frame.pixels.iter().filter(|p| p.is_usable()).collect();
             if pixels.len() < FEWEST {
                 return None;
             }

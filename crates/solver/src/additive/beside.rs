@@ -69,7 +69,8 @@ impl<'a> Beside<'a> {
     /// shared parameters.
     pub fn blocks(&self, groups: &[usize], further: Option<usize>) -> Option<Blocks<'a>> {
         let groups: Vec<usize> = groups.iter().copied().chain(further).collect();
-        let columns: Vec<usize> = groups.iter().filter_map(|group| self.columns.get(group).cloned()).flatten().collect();
+        let columns: Vec<usize> =
+            groups.iter().filter_map(|group| self.columns.get(group).cloned()).flatten().collect();
         let products = |block: &OfBlock| {
             let strip = further.and_then(|candidate| block.candidates.get(&candidate));
             block.groups.picked(&columns, strip.map(|strip| (strip, self.width)))

@@ -3,7 +3,8 @@
 use depthcal::calibration::calibrate::{CameraOptions, calibrate_camera};
 use depthcal::calibration::diagnose::CameraDiagnoseOptions;
 use depthcal::calibration::judge::camera::evaluate_camera;
-use depthcal::calibration::judge::cross_validation::{cross_validate_camera, depth_rms_interval, errors};
+use depthcal::calibration::judge::cross_validation::{cross_validate_camera, errors};
+use depthcal::calibration::judge::intervals::depth_rms;
 use depthcal::calibration::judge::parts::Parts;
 use depthcal::calibration::observe::CameraFrames;
 use depthcal::calibration::simulated;
@@ -81,7 +82,7 @@ fn run(seed: u64, has_planes: bool) -> Result<Run, Failure> {
     let z: Vec<f64> = z.filter_map(|((found, truth), std)| Some((found - truth).abs() / std?)).collect();
     let within = z.iter().filter(|z| **z < SIGMAS).count();
     let judged = cross_validate_camera(&fit, CameraDiagnoseOptions::default().folds, Parts::Interleaved, &options)?;
-    let interval = depth_rms_interval(&judged).ok_or("no interval")?;
+    let interval = depth_rms(judged.frames.iter()).and_then(|change| change.after_interval()).ok_or("no interval")?;
     let truth = errors(&evaluate_camera(&fit.camera, &capture(seed, FRAMES_OF_TRUTH, 2, has_planes)?.0));
     let truth = truth.depth_rms_mm.ok_or("no depth")?;
     let holds = interval.low <= truth && truth <= interval.high;
