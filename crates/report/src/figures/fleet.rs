@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::figure::{Figure, Variant};
 use super::plotly::{AFTER, NEUTRAL, plain, short, whiskers};
-use crate::format::{number, p_value, shown_unit};
+use crate::format::{number, p_value, quantity, shown_unit};
 
 /// Standard deviations to either side of a 95 % interval.
 const SIGMAS: f64 = 1.96;
@@ -82,22 +82,19 @@ pub(crate) fn fleet_parameters(fleet: &Fleet) -> Figure {
     let lines: Vec<Line<'_>> = fleet
         .parameters
         .iter()
-        .map(|p| {
-            let unit = shown_unit(&p.unit);
-            Line {
-                label: p.name.clone(),
-                note: format!(
-                    "Mean {} {unit}; between units {}, from noise {}; p = {}.",
-                    number(p.mean),
-                    number(p.between_units),
-                    number(p.of_noise),
-                    p_value(p.differs_p_value)
-                ),
-                values: p.values.iter().map(|v| (v.unit, v.value, v.std_dev)).collect(),
-                mean: p.mean,
-                between: p.between_units,
-                within: "model",
-            }
+        .map(|p| Line {
+            label: p.name.clone(),
+            note: format!(
+                "Mean {}; between units {}, from noise {}; p = {}.",
+                quantity(p.mean, shown_unit(&p.unit)),
+                number(p.between_units),
+                number(p.of_noise),
+                p_value(p.differs_p_value)
+            ),
+            values: p.values.iter().map(|v| (v.unit, v.value, v.std_dev)).collect(),
+            mean: p.mean,
+            between: p.between_units,
+            within: "model",
         })
         .collect();
     figure(fleet, "fleet-parameters", "Parameters of all units", "departure from the shared mean", &lines)
