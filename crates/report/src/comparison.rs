@@ -58,9 +58,9 @@ fn first_screen(content: &mut Content, c: &Comparison, register: &Register) {
     let first = sentences.next().map_or("", String::as_str);
     let others: String = sentences.map(|s| format!("<p>{}</p>\n", escape(s))).collect();
     let evaluated = if c.verify.is_empty() {
-        format!("EvaluatedCamera on held-out frames of {}.", escape(&c.train))
+        format!("Evaluated on held-out frames of {}.", escape(&c.train))
     } else {
-        format!("EvaluatedCamera on {}.", escape(&c.verify.join(", ")))
+        format!("Evaluated on {}.", escape(&c.verify.join(", ")))
     };
     content.open_verdict(&escape(first));
     let _ = writeln!(content.body, "<div class=\"story\">{others}<p>{evaluated}</p></div>");

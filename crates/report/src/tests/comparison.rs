@@ -71,5 +71,5 @@ fn a_comparison_has_ranking_learning_curve_and_the_winners_map() {
     assert_eq!(figure_ids(&html), ["ranking", "learning-curve", "correction-map", "beyond-plane"]);
     assert!(html.contains("id=\"verdict-sentence\">&#39;projective&#39; has the smallest error."));
     assert!(html.contains("significantly worse") && html.contains("no fit: &lt;too&gt; few frames"));
-    assert!(html.contains("EvaluatedCamera on general2."));
+    assert!(html.contains("Evaluated on general2."));
 }
