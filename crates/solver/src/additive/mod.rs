@@ -13,8 +13,8 @@
 //! Biometrics 1 (1945).
 
 mod axis;
-mod beside;
 mod blocks;
+mod candidate_products;
 mod functions;
 mod model;
 mod normal;

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 use tracing::debug;
 
-use super::beside::Beside;
+use super::candidate_products::CandidateProducts;
 use super::model::Additive;
 use super::search::{MOST, least_gain};
 
@@ -21,11 +21,14 @@ pub fn widened(model: &Additive<'_>, sets: &[Vec<usize>], candidates: &[usize]) 
     let mut sets = sets.to_vec();
     let mut changing: Vec<usize> = (0..sets.len()).collect();
     for _ in 0..CHANGES {
+        if changing.is_empty() {
+            break;
+        }
         let mut groups: Vec<usize> = changing.iter().flat_map(|set| sets[*set].iter().copied()).collect();
         groups.sort_unstable();
         groups.dedup();
-        let Some(beside) = Beside::of(model, &groups, candidates).filter(|_| !changing.is_empty()) else { break };
-        changing.retain(|set| match changed(model, &beside, &sets[*set], candidates) {
+        let Some(products) = CandidateProducts::of(model, &groups, candidates) else { break };
+        changing.retain(|set| match changed(model, &products, &sets[*set], candidates) {
             Some(better) => {
                 sets[*set] = better;
                 true
@@ -37,19 +40,24 @@ pub fn widened(model: &Additive<'_>, sets: &[Vec<usize>], candidates: &[usize]) 
 }
 
 /// The members with the change that gains most.
-fn changed(model: &Additive<'_>, beside: &Beside<'_>, members: &[usize], candidates: &[usize]) -> Option<Vec<usize>> {
-    let (gain, penalties) = of_members(beside, members)?;
+fn changed(
+    model: &Additive<'_>,
+    products: &CandidateProducts<'_>,
+    members: &[usize],
+    candidates: &[usize],
+) -> Option<Vec<usize>> {
+    let (gain, penalties) = of_members(products, members)?;
     let least = gain + least_gain(model.rows()).max(LEAST_RISE * gain);
     let all: Vec<usize> = (0..=members.len()).collect();
     let joined = |candidate: &usize| {
-        let mut blocks = beside.blocks(members, Some(*candidate))?;
+        let mut blocks = products.blocks(members, Some(*candidate))?;
         blocks.penalties[..members.len()].clone_from_slice(&penalties);
         let gain = blocks.gain(&all);
         Some((blocks, gain))
     };
-    let gain_beside = |candidate: &usize| Some((*candidate, joined(candidate)?.1));
+    let gain_joined_by = |candidate: &usize| Some((*candidate, joined(candidate)?.1));
     let others: Vec<usize> = candidates.iter().copied().filter(|c| !members.contains(c)).collect();
-    let mut promising: Vec<(usize, f64)> = others.par_iter().filter_map(gain_beside).collect();
+    let mut promising: Vec<(usize, f64)> = others.par_iter().filter_map(gain_joined_by).collect();
     promising.sort_by(|a, b| b.1.total_cmp(&a.1));
     promising.truncate(PROMISING);
     let changes = |(candidate, _): (usize, f64)| {
@@ -76,11 +84,11 @@ fn changed(model: &Additive<'_>, beside: &Beside<'_>, members: &[usize], candida
 }
 
 /// The fall of the cost of left-out clusters with some groups, and the penalties with which it is largest.
-fn of_members(beside: &Beside<'_>, members: &[usize]) -> Option<(f64, Vec<DMatrix<f64>>)> {
+fn of_members(products: &CandidateProducts<'_>, members: &[usize]) -> Option<(f64, Vec<DMatrix<f64>>)> {
     if members.is_empty() {
         return Some((0.0, Vec::new()));
     }
-    let mut blocks = beside.blocks(members, None)?;
+    let mut blocks = products.blocks(members, None)?;
     let places: Vec<usize> = (0..members.len()).collect();
     blocks.choose_strengths(&places);
     Some((blocks.gain(&places), blocks.penalties))

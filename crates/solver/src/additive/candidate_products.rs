@@ -1,4 +1,4 @@
-//! Products of many groups, each beside the same few others but not with each other, which would take much memory.
+//! Products of many candidates with a few groups. Products of the candidates with each other would take much memory.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -10,8 +10,8 @@ use super::blocks::{Blocks, by_blocks};
 use super::model::{Additive, Cluster, Group, ranges};
 use super::products::{Products, Run, add_products, runs_of};
 
-/// Products of some groups of a model, and of each candidate with itself and with these.
-pub(super) struct Beside<'a> {
+/// Products of some groups of a model with each other, and of every candidate with these groups and with itself.
+pub(super) struct CandidateProducts<'a> {
     model: &'a Additive<'a>,
     /// Columns of every group, by its number, and of all.
     columns: BTreeMap<usize, Range<usize>>,
@@ -35,7 +35,7 @@ struct Strip<T> {
     sums: Vec<f64>,
 }
 
-impl<'a> Beside<'a> {
+impl<'a> CandidateProducts<'a> {
     /// The products of a model's groups and candidates, which are given by their numbers; `None` of too few clusters.
     pub fn of(model: &'a Additive<'_>, groups: &[usize], candidates: &[usize]) -> Option<Self> {
         let of_groups: Vec<&Group> = groups.iter().map(|group| &model.groups[*group]).collect();
@@ -128,7 +128,8 @@ impl Strip<f64> {
 }
 
 impl Products<f32> {
-    /// Those of some columns, and of a candidate, if any, beside so many columns in all.
+    /// The products of some of its columns, and of those of a candidate, if any; the candidate comes with the number of all columns,
+    /// whose products come first in its strip.
     fn picked(&self, columns: &[usize], candidate: Option<(&Strip<f32>, usize)>) -> Self {
         let (known, count) = (columns.len(), candidate.map_or(0, |(strip, _)| strip.sums.len()));
         let mut picked = Self::zeros(self.shared.ncols(), known + count);
@@ -197,7 +198,7 @@ mod tests {
 
     /// The gain of sets of groups with a candidate is that of a model of these groups alone.
     #[test]
-    fn gains_beside_others_are_those_of_all_products() {
+    fn gains_with_a_candidate_are_those_of_all_products() {
         let clusters = clusters();
         let model = |groups: Vec<Group>| Additive {
             clusters: clusters.iter().map(|(rows, table)| Cluster { rows, table: table.clone() }).collect(),
@@ -213,11 +214,11 @@ mod tests {
             group(&[(0, 9)], 1),
         ];
         let whole = model(groups.clone());
-        let beside = Beside::of(&whole, &[1, 0, 2], &[3, 4, 5, 2]).unwrap();
+        let products = CandidateProducts::of(&whole, &[1, 0, 2], &[3, 4, 5, 2]).unwrap();
         for (members, candidate) in
             [(vec![0, 1], Some(3)), (vec![2], Some(5)), (vec![1, 2, 0], Some(4)), (vec![], Some(3)), (vec![2, 1], None)]
         {
-            let of_both = beside.blocks(&members, candidate).unwrap();
+            let of_both = products.blocks(&members, candidate).unwrap();
             let alone = model(members.iter().chain(&candidate).map(|g| groups[*g].clone()).collect());
             let expected = Blocks::of(&alone).unwrap();
             let all: Vec<usize> = (0..alone.groups.len()).collect();
