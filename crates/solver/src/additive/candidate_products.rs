@@ -128,8 +128,8 @@ impl Strip<f64> {
 }
 
 impl Products<f32> {
-    /// The products of some of its columns, and of those of a candidate, if any; the candidate comes with the number of all columns,
-    /// whose products come first in its strip.
+    /// The products of some of its columns, and of those of a candidate, if any; the candidate comes with the number of all
+    /// columns, whose products come first in its strip.
     fn picked(&self, columns: &[usize], candidate: Option<(&Strip<f32>, usize)>) -> Self {
         let (known, count) = (columns.len(), candidate.map_or(0, |(strip, _)| strip.sums.len()));
         let mut picked = Self::zeros(self.shared.ncols(), known + count);
