@@ -4,8 +4,8 @@
 use depthcal_io::{FleetOnDepth, FleetUnitOnDepth};
 use depthcal_model::uncertainty::STEP;
 use depthcal_model::{Camera, Context};
-use depthcal_statistics::{quantile, rms, weighted_chi_squared_tail};
-use nalgebra::{DMatrix, DVector};
+use depthcal_statistics::{Span, quantile, rms, weighted_chi_squared_tail};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::conditions::Conditions;
@@ -24,8 +24,6 @@ const LEVELS: [Level; 3] = [
     Level { quantile: 0.1, of_reference: 0.5 },
     Level { quantile: 0.9, of_reference: 2.0 },
 ];
-/// Share of a change that others must not make, for it to be one more.
-const LEAST_LEFT: f64 = 1e-6;
 
 /// Conditions of a cell.
 struct Level {
@@ -65,41 +63,11 @@ impl<'a> OnDepth<'a> {
         }
         let of_model = Span::of(compensating.iter().map(half_difference));
         let changes = changes.iter().map(|change| change.iter().map(|c| c / STEP).collect());
-        Some(Self {
-            unit,
-            effect,
-            values: of_model.taken_off(values),
-            changes: changes.map(|c| of_model.taken_off(c)).collect(),
-        })
-    }
-}
-
-/// Changes of depth that a depth model can make, as orthonormal columns.
-struct Span(Vec<DVector<f64>>);
-
-impl Span {
-    /// Of some changes (modified Gram–Schmidt).
-    fn of(changes: impl Iterator<Item = Vec<f64>>) -> Self {
-        let mut span = Self(Vec::new());
-        for change in changes {
-            let size = DVector::from_column_slice(&change).norm();
-            let left = DVector::from_vec(span.taken_off(change));
-            let norm = left.norm();
-            if norm > LEAST_LEFT * size {
-                span.0.push(left / norm);
-            }
-        }
-        span
-    }
-
-    /// The part of values that they cannot make.
-    fn taken_off(&self, values: Vec<f64>) -> Vec<f64> {
-        let mut values = DVector::from_vec(values);
-        for column in &self.0 {
-            let along = column.dot(&values);
-            values.axpy(-along, column, 1.0);
-        }
-        values.data.into()
+        let taken_off = |mut values: Vec<f64>| {
+            of_model.take_off(&mut values);
+            values
+        };
+        Some(Self { unit, effect, values: taken_off(values), changes: changes.map(taken_off).collect() })
     }
 }
 
@@ -223,6 +191,7 @@ fn cells(members: &[(&Unit, &UnitEffect)]) -> Option<Vec<Cell>> {
 mod tests {
     use depthcal_model::uncertainty::UncertainCamera;
     use depthcal_model::{Block, Options, Placement, Register};
+    use nalgebra::DVector;
 
     use super::*;
     use crate::conditions::Conditions;

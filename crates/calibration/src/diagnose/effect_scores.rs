@@ -6,6 +6,7 @@ use depthcal_solver::score::{Linearization, ScoreError};
 use nalgebra::DMatrix;
 
 use super::candidate_blocks::{CandidateBlock, linearize};
+use super::effect_size::EffectSizes;
 use super::observed_states::ObservedStates;
 use crate::calibrate::CalibratedCamera;
 
@@ -38,6 +39,7 @@ pub fn effect_scores(
     let all: Vec<usize> = (0..candidates.len()).collect();
     let joint = linearization.efficient_scores(&all);
     let states = ObservedStates::of(fit);
+    let sizes = EffectSizes::new(&states, None);
     let mut first = 0;
     let effects = candidates
         .iter()
@@ -45,7 +47,7 @@ pub fn effect_scores(
             let count = candidate.block.theta.len();
             let scatter = joint.scatter.view((first, first), (count, count)).into_owned();
             first += count;
-            scored(candidate, &scatter, &states)
+            scored(candidate, &scatter, &sizes)
         })
         .collect();
     Ok(Some(Scores {
@@ -87,20 +89,8 @@ fn model_values(fit: &CalibratedCamera) -> Vec<ModelValue> {
     fit.camera.blocks().iter().flat_map(of_block).collect()
 }
 
-fn scored(candidate: &CandidateBlock, scatter: &DMatrix<f64>, states: &ObservedStates) -> ScoredEffect {
+fn scored(candidate: &CandidateBlock, scatter: &DMatrix<f64>, sizes: &EffectSizes<'_>) -> ScoredEffect {
     let parameters = candidate.block.parameters();
-    let n = parameters.len();
-    // The mean square is a quadratic form: its matrix follows from sizes along the axes and their sums.
-    let square = |moved: &[usize]| {
-        let mut block = candidate.block.clone();
-        moved.iter().for_each(|i| block.theta[*i] += parameters[*i].scale);
-        states.size_mm(&block).powi(2)
-    };
-    let alone: Vec<f64> = (0..n).map(|i| square(&[i])).collect();
-    let element = |i: usize, k: usize| {
-        let both = if i == k { alone[i] } else { 0.5 * (square(&[i.min(k), i.max(k)]) - alone[i] - alone[k]) };
-        both / (parameters[i].scale * parameters[k].scale)
-    };
     let nominal = |i: usize| ScoredParameter {
         name: parameters[i].name.to_string(),
         unit: parameters[i].unit.to_owned(),
@@ -110,9 +100,9 @@ fn scored(candidate: &CandidateBlock, scatter: &DMatrix<f64>, states: &ObservedS
         effect: candidate.name.clone(),
         with: candidate.spec.to_string(),
         options: candidate.block.piece().map(|piece| piece.options()).unwrap_or_default(),
-        parameters: (0..n).map(nominal).collect(),
+        parameters: (0..parameters.len()).map(nominal).collect(),
         scatter: rows(scatter),
-        square_mm2: rows(&DMatrix::from_fn(n, n, element)),
+        square_mm2: rows(&sizes.square_mm2(&candidate.block)),
         formula: candidate.block.piece().and_then(|piece| piece.formula().cloned()),
     }
 }

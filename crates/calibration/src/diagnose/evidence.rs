@@ -25,7 +25,8 @@ pub struct Evidence {
     pub p_value: f64,
     /// Gain of every frame: fall of its cost ½ Σ r² when the candidate is estimated from all other frames.
     pub gains: Vec<f64>,
-    /// Expected size: root mean square over the observations of the effect that the score test predicts, mm.
+    /// Expected size: root mean square over the observations of the effect that the score test predicts, without what fitted
+    /// parameters take up of it, mm.
     pub expected_size_mm: f64,
     /// Size that these captures show with the power and at the level of [`super::Thresholds`], mm; NaN for free functions.
     pub minimal_detectable_mm: f64,

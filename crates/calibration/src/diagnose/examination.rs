@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::candidate_blocks::{CandidateBlock, linearize};
 use super::candidates::missing_effects;
+use super::effect_size::EffectSizes;
 use super::evidence::Evidence;
 use super::free_functions::{FreeFunction, free_functions};
 use super::observed_states::ObservedStates;
@@ -88,11 +89,19 @@ pub fn examine(
         corrections.push(1.0);
     }
     let linearization = linearize(fit, &candidates)?;
+    let sizes = EffectSizes::new(&states, None);
     let mut evidence: Vec<Evidence> = candidates
         .par_iter()
         .enumerate()
         .map(|(index, candidate)| {
-            let test = Test { linearization: &linearization, states: &states, index, candidate, thresholds };
+            let test = Test {
+                linearization: &linearization,
+                sizes: &sizes,
+                noise_mm: states.noise_mm,
+                index,
+                candidate,
+                thresholds,
+            };
             test.evidence(corrections[index], tests)
         })
         .collect();
@@ -132,7 +141,9 @@ pub(super) fn test_effect(fit: &CalibratedCamera, register: &Register, spec: &Pi
 /// One candidate in the linearisation of all.
 struct Test<'a> {
     linearization: &'a Linearization,
-    states: &'a ObservedStates,
+    sizes: &'a EffectSizes<'a>,
+    /// Root mean square noise of single depth pixels, mm.
+    noise_mm: f64,
     /// Number of the candidate in the linearisation.
     index: usize,
     candidate: &'a CandidateBlock,
@@ -142,7 +153,7 @@ struct Test<'a> {
 impl Test<'_> {
     /// The evidence; p-values are multiplied by `correction`, detectable sizes are those of one among `tests` effects.
     fn evidence(&self, correction: f64, tests: usize) -> Evidence {
-        let Self { linearization, states, index, candidate, thresholds } = *self;
+        let Self { linearization, sizes, index, candidate, thresholds, .. } = *self;
         let score = linearization.score(index);
         let mut block = candidate.block.clone();
         let is_free_function = candidate.along.is_some();
@@ -157,7 +168,7 @@ impl Test<'_> {
             along: candidate.along,
             p_value: (score.p_value * correction).min(1.0),
             gains: linearization.held_out_gain(&[index]),
-            expected_size_mm: if is_free_function { self.visible_mm(&change) } else { states.size_mm(&block) },
+            expected_size_mm: if is_free_function { self.visible_mm(&change) } else { sizes.rms_mm(&block) },
             minimal_detectable_mm: self.minimal_detectable(level),
             score,
             block,
@@ -171,7 +182,7 @@ impl Test<'_> {
         let lin = self.linearization;
         let rows: usize = (0..lin.cluster_count()).map(|c| lin.cluster_rows(c)).sum();
         let of_noise = lin.noncentrality(self.index, change, &[]) / rows.max(1) as f64;
-        of_noise.sqrt() * self.states.noise_mm
+        of_noise.sqrt() * self.noise_mm
     }
 
     /// The spec with as many parameters free as the data determine combinations, the best determined ones first (pivoted
@@ -219,10 +230,9 @@ impl Test<'_> {
         let directions: Vec<DVector<f64>> =
             (0..count).map(|_| DVector::from_iterator(parameters.len(), scales().map(&mut draw))).collect();
         let factors = self.linearization.detectable_factors(self.index, &directions, level, self.thresholds.power);
+        let square_mm2 = self.sizes.square_mm2(&self.candidate.block);
         let size = |(direction, factor): (&DVector<f64>, f64)| {
-            let mut block = self.candidate.block.clone();
-            block.theta.iter_mut().zip(direction.iter()).for_each(|(t, d)| *t += factor * d);
-            self.states.size_mm(&block)
+            factor * direction.dot(&(&square_mm2 * direction)).max(0.0).sqrt()
         };
         let mut sizes: Vec<f64> = directions.iter().zip(factors).map(size).filter(|s| s.is_finite()).collect();
         upper_median(&mut sizes).unwrap_or(f64::INFINITY)

@@ -35,6 +35,7 @@ mod diagnosis;
 pub mod discovery;
 mod driver;
 pub mod effect_scores;
+mod effect_size;
 mod error;
 pub mod evidence;
 pub mod examination;

@@ -1,10 +1,9 @@
-//! The states at which pieces act on the observations of a fit, at the fitted poses, and the size of an effect over them.
+//! The states at which pieces act on the observations of a fit, at the fitted poses.
 
 use std::collections::BTreeSet;
 
-use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Context, Quantities, Quantity};
-use depthcal_statistics::{nearest_rank, quantile};
+use depthcal_statistics::{nearest_rank, quantile, rms};
 
 use crate::calibrate::CalibratedCamera;
 use crate::observe::board_plane::BoardPlane;
@@ -18,15 +17,19 @@ const RANGE_QUANTILES: [f64; 2] = [0.005, 0.995];
 #[derive(Debug, Clone, Default)]
 pub struct ObservedStates {
     /// Input of depth pieces at the depth samples: ray (x, y), inverse depth ρ (1/mm), cosine of the angle of incidence.
-    depth: Vec<[f64; 4]>,
+    pub(super) depth: Vec<[f64; 4]>,
     /// Covariates of the depth samples.
-    contexts: Vec<Context>,
+    pub(super) contexts: Vec<Context>,
     /// Input of lens pieces at the markers: ray (x, y), inverse depth ρ, ray (x, y).
-    lens: Vec<[f64; 5]>,
+    pub(super) lens: Vec<[f64; 5]>,
     /// Input of board pieces at the markers: board points, mm.
-    board: Vec<[f64; 3]>,
+    pub(super) board: Vec<[f64; 3]>,
+    /// Number of markers of every frame, in the order of theirs.
+    pub(super) markers_of_frames: Vec<usize>,
+    /// The blocks of the camera.
+    pub(super) model: Vec<Block>,
     /// Focal length along the image rows, px.
-    focal_px: f64,
+    pub(super) focal_px: f64,
     /// Root mean square noise of single depth pixels over the samples, mm.
     pub noise_mm: f64,
 }
@@ -60,7 +63,8 @@ impl Range {
 impl ObservedStates {
     /// The states of a fit's markers and depth samples.
     pub fn of(fit: &CalibratedCamera) -> Self {
-        let mut states = Self { focal_px: fit.camera.pinhole()[0], ..Self::default() };
+        let (model, focal_px) = (fit.camera.blocks().to_vec(), fit.camera.pinhole()[0]);
+        let mut states = Self { model, focal_px, ..Self::default() };
         let total: usize = fit.capture.frames.iter().map(|f| f.samples.len()).sum();
         let step = total.div_ceil(MOST_SAMPLES).max(1);
         for frame in &fit.capture.frames {
@@ -72,6 +76,7 @@ impl ObservedStates {
                 states.depth.push(state);
                 states.contexts.push(sample.context);
             }
+            states.markers_of_frames.push(frame.markers.len());
             for marker in &frame.markers {
                 let [x, y] = fit.capture.target.point(marker.index);
                 let point_in_camera = pose * nalgebra::Point3::new(x, y, 0.0);
@@ -81,8 +86,7 @@ impl ObservedStates {
                 states.board.push([x, y, 0.0]);
             }
         }
-        let noise = states.depth.iter().map(|s| fit.noise.depth.sigma(s[2]) / (s[2] * s[2]));
-        states.noise_mm = rms_length(noise, 1);
+        states.noise_mm = rms(states.depth.iter().map(|s| fit.noise.depth.sigma(s[2]) / (s[2] * s[2])));
         states
     }
 
@@ -106,49 +110,4 @@ impl ObservedStates {
     pub fn range(&self, value: impl Fn(&[f64; 4], &Context) -> f64) -> Option<Range> {
         Range::of(self.depth.iter().zip(&self.contexts).map(|(s, c)| value(s, c)))
     }
-
-    /// Size of an effect: root mean square over the observations of the change that a block makes at its parameters, against its
-    /// nominal parameters, mm at the board. A change of depth for pieces that act on depth, of position for all others; zero
-    /// for the pinhole.
-    pub fn size_mm(&self, block: &Block) -> f64 {
-        let Some(piece) = block.piece() else { return 0.0 };
-        let nominal: Vec<f64> = block.parameters().iter().map(|p| p.nominal).collect();
-        // Change of the piece's output, `outs` numbers per state.
-        let changes = |states: &[f64], contexts: &[Context], outs: usize| -> Vec<f64> {
-            let run = |theta: &[f64]| {
-                let mut out = vec![0.0; contexts.len() * outs];
-                piece.evaluate(theta, states, contexts, &mut out);
-                out
-            };
-            run(&block.theta).iter().zip(run(&nominal)).map(|(a, b)| a - b).collect()
-        };
-        let blank = || vec![Context::default(); self.lens.len()];
-        let depths_at_markers = || self.lens.iter().map(|s| 1.0 / s[2]);
-        match block.hook() {
-            HookKind::Depth => {
-                let change = changes(self.depth.as_flattened(), &self.contexts, 1);
-                // dz = −z² dρ, exactly: 1/(ρ + dρ) − 1/ρ.
-                rms_length(self.depth.iter().zip(change).map(|(s, d)| 1.0 / (s[2] + d) - 1.0 / s[2]), 1)
-            }
-            HookKind::Pixel => {
-                let pixels: Vec<f64> = self.contexts.iter().flat_map(|c| c.pixel).collect();
-                let change = changes(&pixels, &self.contexts, 2);
-                let scale = self.depth.iter().flat_map(|s| [1.0 / (s[2] * self.focal_px); 2]);
-                rms_length(change.iter().zip(scale).map(|(d, z)| d * z), 2)
-            }
-            HookKind::Lens => {
-                let change = changes(self.lens.as_flattened(), &blank(), 2);
-                rms_length(change.iter().zip(depths_at_markers().flat_map(|z| [z; 2])).map(|(d, z)| d * z), 2)
-            }
-            HookKind::Board | HookKind::Pose => {
-                rms_length(changes(self.board.as_flattened(), &blank(), 3).into_iter(), 3)
-            }
-        }
-    }
-}
-
-/// Root mean square length of vectors with `parts` components each; components that are not finite are ignored.
-fn rms_length(values: impl Iterator<Item = f64>, parts: usize) -> f64 {
-    let (sum, n) = values.filter(|v| v.is_finite()).fold((0.0, 0_usize), |(s, n), v| (s + v * v, n + 1));
-    (sum * parts as f64 / n.max(1) as f64).sqrt()
 }

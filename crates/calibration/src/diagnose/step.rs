@@ -6,6 +6,7 @@ use depthcal_io::{DiagnosisParameter, DiagnosisPlace, GainInterval, HeldOutError
 use depthcal_model::{Block, PieceSpec, Placement};
 
 use super::added_effect::AddedEffect;
+use super::effect_size::EffectSizes;
 use super::error::DiagnoseError;
 use super::free_map::FREE_MAP;
 use super::held_out::HeldOut;
@@ -31,7 +32,7 @@ pub struct Step {
     pub places_not_told_apart: Vec<DiagnosisPlace>,
     /// Its fitted parameters; none of a free map.
     pub parameters: Vec<DiagnosisParameter>,
-    /// Root mean square size over the observations, mm.
+    /// Root mean square over the observations of what other parameters of the model cannot take up of it, mm.
     pub size_mm: f64,
     /// p-value, corrected for the number of effects tested.
     pub p_value: f64,
@@ -69,7 +70,7 @@ pub(super) fn steps(
         } else {
             let (range, block) =
                 fitted_block(fit, name).ok_or_else(|| DiagnoseError::NotFitted { effect: name.clone() })?;
-            (fitted_parameters(fit, range, block), states.size_mm(block))
+            (fitted_parameters(fit, range, block), EffectSizes::new(&states, Some(name)).rms_mm(block))
         };
         Ok(Step {
             effects: added.effects.clone(),

@@ -81,7 +81,7 @@ pub struct DiagnosisStep {
     pub places_not_told_apart: Vec<DiagnosisPlace>,
     /// Its fitted parameters.
     pub parameters: Vec<DiagnosisParameter>,
-    /// Root mean square of the effect over the observations, mm.
+    /// Root mean square over the observations of what other parameters of the model do not compensate of the effect, mm.
     pub size_mm: f64,
     /// p-value of the score test, corrected for the number of effects tested.
     pub p_value: f64,
@@ -257,10 +257,10 @@ pub struct DiagnosisCandidate {
     pub along: Option<DiagnosisCovariate>,
     /// p-value of the score test, corrected for the number of values tried for its constant.
     pub p_value: f64,
-    /// Root mean square size at the parameters that the data give it, mm; absent when these captures do not determine
-    /// them.
+    /// Root mean square size at the parameters that the data give it, less what fitted parameters compensate, mm; absent when
+    /// these captures do not determine them.
     pub expected_size_mm: Option<f64>,
-    /// Smallest size that these captures reveal with 80 % power at the 1 % level, mm; absent when they reveal none.
+    /// Smallest such size that these captures reveal with 80 % power at the 1 % level, mm; absent when they reveal none.
     pub minimal_detectable_mm: Option<f64>,
     /// Decrease of the weighted root mean square residual on left-out frames, per cent; negative when it rises.
     pub held_out_gain_percent: f64,

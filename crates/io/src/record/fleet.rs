@@ -135,7 +135,8 @@ pub struct FleetEffect {
     /// Found effects that these units cannot tell from it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub indistinguishable: Vec<String>,
-    /// Root mean square of the shared effect over the observations, mm; absent where no unit scored it.
+    /// Root mean square over the observations of what other parameters do not compensate of the shared effect, mm; absent where
+    /// no unit scored it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size_mm: Option<f64>,
     /// Size of the shared effect as a multiple of what the median unit alone would show with 80 % power.

@@ -60,8 +60,8 @@ pub struct ScoredEffect {
     /// Scatter of the frames' scores less what the effect itself explains of them, Σ uᵢuᵢᵀ: the information where frames are
     /// independent and the noise is as the model says. One row and column per parameter.
     pub scatter: Vec<Vec<f64>>,
-    /// Mean square of the effect over the observations, mm², as a quadratic form in its parameters' departures from their nominal
-    /// values.
+    /// Mean square over the observations of what the model's parameters do not compensate of the effect, mm², as a quadratic
+    /// form in its parameters' departures from their nominal values.
     pub square_mm2: Vec<Vec<f64>>,
     /// The definition of an effect that is given as a formula.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -33,7 +33,7 @@ pub(crate) fn steps(d: &ReportDiagnosis<'_>) -> String {
         let _ = writeln!(
             html,
             "<div class=\"scroll\" tabindex=\"0\"><table><caption>Errors before → after every step, on held-out frames. Size: \
-             rms over the observations of the effect by itself; other parameters may compensate a part of it.</caption>\
+             rms over the observations of what other parameters of the model do not compensate.</caption>\
              <thead><tr><th scope=\"col\">added</th><th scope=\"col\">size / mm</th><th scope=\"col\">p</th>\
              <th scope=\"col\">depth error, rms</th><th scope=\"col\" class=\"text\">gain, given all others</th><th scope=\"col\">left \
              out</th><th scope=\"col\">plane error, mean</th><th scope=\"col\">dot error, mean</th><th scope=\"col\">reprojection error, rms</th></tr>\
@@ -161,7 +161,7 @@ pub(crate) fn candidates(d: &ReportDiagnosis<'_>) -> String {
         format!(
             "<details><summary>{title}: all numbers</summary><div class=\"scroll\" tabindex=\"0\"><table><caption>Gain: \
              decrease of the weighted residual on held-out frames. Size: rms of the effect as estimated from these \
-             captures. Detectable: the size that is found in four of five such captures. p: significance of the score \
+             captures, less what fitted parameters compensate. Detectable: the size that is found in four of five such captures. p: significance of the score \
              test, which says nothing about the size.</caption><thead><tr><th scope=\"col\">candidate</th><th scope=\"col\">gain</th><th \
              scope=\"col\">size / mm</th><th scope=\"col\">detectable / mm</th><th scope=\"col\">p</th></tr></thead>\
              <tbody>{rows}</tbody></table></div></details>\n"

@@ -35,14 +35,13 @@ const SEARCHES: usize = 4;
 /// were found, which are fitted better than a search can.
 pub(super) fn functions(bench: &impl Bench, task: &Task<'_>) -> Option<(Model, Vec<f64>)> {
     let Task { model, base, incumbent, .. } = task;
-    bench.report("searching what the residuals depend on", &model.options(bench.declared()));
     let is_quieter = noise_ratio(&base.fit, &incumbent.fit) < 1.0;
     let mut noise = if is_quieter { base.fit.noise } else { incumbent.fit.noise };
     let mut described: Option<(Model, Vec<f64>)> = None;
     let mut last_definitions = Vec::new();
     for _ in 0..SEARCHES {
         let fit = CalibratedCamera { noise, ..base.fit.clone() };
-        let components = bench.components(&fit, &model.names(&base.fit));
+        let components = components(bench, model, &fit);
         let definitions = components.iter().map(|c| c.description.effect.definition().clone()).collect();
         // The same functions would be fitted as before.
         let is_new = std::mem::replace(&mut last_definitions, definitions) != last_definitions;
@@ -70,7 +69,7 @@ fn more_functions(
     ((model, fitted), shares): &(Model, Vec<f64>),
 ) -> Option<(Model, Vec<f64>)> {
     let before = model.added.len();
-    let components = bench.components(&fitted.fit, &model.names(&fitted.fit));
+    let components = components(bench, model, &fitted.fit);
     let ((with, better), more) = with_components(bench, model, fitted, components)?;
     if !matches!(better.gain_over(fitted, &with.added[before..], bench.thresholds()), Gain::Certain(_)) {
         return None;
@@ -81,6 +80,12 @@ fn more_functions(
     let of_all = noise_ratio(&fitted.fit, &task.incumbent.fit).powi(2);
     shares.extend(more.into_iter().map(|share| of_all * share));
     Some(((with, better), shares))
+}
+
+/// The functions that a fit of a model leaves.
+fn components(bench: &impl Bench, model: &AugmentedModel, fit: &CalibratedCamera) -> Vec<Component> {
+    bench.report("searching what the residuals depend on", &model.options(bench.declared()));
+    bench.components(fit, &model.names(fit))
 }
 
 /// A model with functions that a fit leaves, and the share of its squared residuals that each explains; `base` is the model

@@ -65,7 +65,8 @@ pub(super) fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: us
     };
     // What is missing is no noise.
     let reduced = Fitted { fit: CalibratedCamera { noise: fitted.fit.noise, ..reduced.fit }, ..reduced };
-    bench.report("explaining a function of what is left", &without.options(bench.declared()));
+    let report = || bench.report("explaining a function of what is left", &without.options(bench.declared()));
+    report();
     let examination = bench.examine(&reduced.fit)?;
     let definition = model.formulas.iter().find(|f| f.effect.name() == model.added[place].evidence.name);
     let function = Function { definition, with: fitted, without: &reduced, place };
@@ -74,6 +75,7 @@ pub(super) fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: us
     }
     let Some(definition) = definition else { return Ok(Naming::Nothing) };
     let taken = without.names(&reduced.fit);
+    report();
     let Some(formula) = bench.formula_of(&definition.covariates, &reduced.fit, &examination, &taken) else {
         return Ok(Naming::Nothing);
     };
