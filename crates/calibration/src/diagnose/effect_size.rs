@@ -144,8 +144,8 @@ fn change(states: &ObservedStates, block: &Block, [from, to]: [&[f64]; 2]) -> Ve
     };
     let difference: Vec<f64> = run(to).iter().zip(run(from)).map(|(to, from)| to - from).collect();
     match block.hook() {
-        // dz = −z² dρ, exactly: 1/(ρ + dρ) − 1/ρ.
-        HookKind::Depth => states.depth.iter().zip(difference).map(|(s, d)| 1.0 / (s[2] + d) - 1.0 / s[2]).collect(),
+        // dz = −z² dρ, exactly: 1/(ρ + dρ) − 1/ρ, without the rounding of a difference.
+        HookKind::Depth => states.depth.iter().zip(difference).map(|(s, d)| -d / (s[2] * (s[2] + d))).collect(),
         _ => difference,
     }
 }
@@ -329,8 +329,7 @@ mod tests {
     fn a_bent_board_has_its_size_without_the_motion_of_the_board() {
         let fit = fit();
         let states = ObservedStates::of(&fit);
-        let bow = Register::builtin().for_board(&fit.capture.target).block("board_bow", None).unwrap();
-        let mut bow = bow;
+        let mut bow = Register::builtin().for_board(&fit.capture.target).block("board_bow", None).unwrap();
         bow.theta[0] += 2.0;
         let nominal: Vec<f64> = bow.parameters().iter().map(|p| p.nominal).collect();
         let heights: Vec<f64> = change(&states, &bow, [&nominal, &bow.theta]).chunks_exact(3).map(|c| c[2]).collect();

@@ -94,7 +94,9 @@ fn functions_of(observations: &Observations) -> (Dictionary, Vec<Found>) {
     // Where the fine functions are chance after all, what they took the place of counts.
     let with_fine = widened(&wide.model(observations), &sets, &candidates);
     let mut versions: Vec<Vec<usize>> = sets.into_iter().zip(with_fine).flat_map(<[_; 2]>::from).collect();
-    versions.dedup();
+    // Searches from different starts end at the same functions.
+    let mut seen = BTreeSet::new();
+    versions.retain(|members| seen.insert(members.iter().copied().collect::<BTreeSet<usize>>()));
     let compared = versions.into_iter().map(|members| {
         let alternatives = wide.with_alternatives(&members);
         let places: Vec<usize> = (0..members.len()).collect();
