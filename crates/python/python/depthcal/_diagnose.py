@@ -26,7 +26,7 @@ class Step:
     with_: str
     """The effect as :func:`calibrate` takes it in ``effects``."""
     size_mm: float
-    """Root mean square of the effect over the observations."""
+    """Root mean square over the observations of what other parameters do not compensate of the effect."""
     p_value: float
     depth_rms_before_mm: float | None
     """On frames that the fit did not use."""
@@ -47,7 +47,7 @@ class Candidate:
     p_value: float
     expected_size_mm: float | None
     minimal_detectable_mm: float | None
-    """Smallest size that these captures would have shown."""
+    """Smallest such size that these captures would have shown."""
     held_out_gain_percent: float
 
 

@@ -45,7 +45,7 @@ class FleetEffect:
     shared: bool
     """Whether the type of camera has it, beyond what the effects do that were found before it."""
     size_mm: float | None
-    """Root mean square of the shared effect over the observations."""
+    """Root mean square over the observations of what other parameters do not compensate of the shared effect."""
     of_detectable: float | None
     """The same as a multiple of what one unit alone shows with 80 % power."""
     shared_p_value: float
