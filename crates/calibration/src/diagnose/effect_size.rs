@@ -272,9 +272,10 @@ mod tests {
         assert!(left.iter().all(|v| *v == 0.0), "{left:?}");
     }
 
-    /// A piece that does the same as one of the model has no size beside it, and its whole size without it.
+    /// An effect that the model already has is not compensated by its own parameters: counted among the others, it would have no
+    /// size.
     #[test]
-    fn an_effect_of_the_model_has_its_size_without_itself() {
+    fn an_effect_of_the_model_does_not_compensate_itself() {
         let mut fit = fit();
         let wave = moved("cyclic_depth", 3.0);
         fit.camera = fit.camera.clone().with_block(wave.clone());
