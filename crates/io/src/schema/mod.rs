@@ -4,7 +4,9 @@
 //! gives better errors than a derived one and accepts what no derived type says (see its tests).
 
 use depthcal_model::FormulaDefinition;
-use schemars::{JsonSchema, SchemaGenerator};
+use schemars::generate::SchemaSettings;
+use schemars::transform::RecursiveTransform;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::{Value, json};
 
 use crate::file::Versioned;
@@ -115,7 +117,16 @@ impl SchemaName {
 
 /// The schema of what is written, which is stricter than what is read.
 fn of<T: JsonSchema>() -> Value {
-    SchemaGenerator::from(schemars::generate::SchemaSettings::draft2020_12()).into_root_schema_for::<T>().to_value()
+    let settings = SchemaSettings::draft2020_12().with_transform(RecursiveTransform(without_line_breaks));
+    SchemaGenerator::from(settings).into_root_schema_for::<T>().to_value()
+}
+
+/// Descriptions come from doc comments: where their lines break says nothing, where their paragraphs end does.
+fn without_line_breaks(schema: &mut Schema) {
+    if let Some(Value::String(description)) = schema.get_mut("description") {
+        *description =
+            description.split("\n\n").map(|paragraph| paragraph.replace('\n', " ")).collect::<Vec<_>>().join("\n\n");
+    }
 }
 
 /// With the fields that identify the file and its version.
