@@ -292,24 +292,24 @@ impl Camera {
             let ([px, py], d) = self.distort(x, y, rho);
             let (ex, ey) = (xd - px, yd - py);
             let det = d[0] * d[3] - d[1] * d[2];
-            let mut step = [(d[3] * ex - d[1] * ey) / det, (d[0] * ey - d[2] * ex) / det];
-            // Outside the monotone region Newton's step means nothing: walk back towards the axis.
-            if !(det > 0.0) || x.hypot(y) > self.lens_limit {
-                step = [-0.1 * x, -0.1 * y];
-            }
+            let monotone = det > 0.0 && x.hypot(y) <= self.lens_limit;
+            let step = if monotone {
+                [(d[3] * ex - d[1] * ey) / det, (d[0] * ey - d[2] * ex) / det]
+            } else {
+                // Newton's step means nothing here: walk back towards the axis.
+                [-0.1 * x, -0.1 * y]
+            };
             x += step[0];
             y += step[1];
             if !(x.is_finite() && y.is_finite()) {
                 return Err(outside());
             }
-            // Far from the axis rounding is larger than near it.
-            if step[0].abs().max(step[1].abs()) < 1e-13 * (1.0 + x * x + y * y) {
-                break;
+            // Newton's method squares the error: what such a step leaves is below rounding.
+            if monotone && step[0].abs().max(step[1].abs()) < 1e-8 * (1.0 + x * x + y * y) {
+                return if x.hypot(y) <= self.lens_limit { Ok([x, y]) } else { Err(outside()) };
             }
         }
-        let ([px, py], _) = self.distort(x, y, rho);
-        let miss = ((px - xd) * fx).hypot((py - yd) * fy);
-        if miss < 1e-6 && x.hypot(y) <= self.lens_limit { Ok([x, y]) } else { Err(outside()) }
+        Err(outside())
     }
 
     /// True ray and true inverse depth (1/mm) from a measured inverse depth at a pixel of the depth image: the inverse
