@@ -111,8 +111,6 @@ fn first_screen(html: &str) -> String {
     text
 }
 
-/// Words around numbers about whole frames, which the report takes from all of them, and result files do not have.
-const OF_FRAMES: [&str; 3] = ["whole frames are off by", "most in frame", "with a standard deviation of"];
 /// Words for the level of an interval, and for the share of pixels within a range.
 const LEVELS: [&str; 2] = ["95 % interval", "90 % of the pixels"];
 
@@ -138,10 +136,9 @@ fn unfounded(folder: &Path) -> (usize, Vec<String>) {
         let before = text[..place].char_indices().rev().nth(40).map_or(0, |(start, _)| start);
         text[before..].chars().take(80).collect::<String>()
     };
-    let is_of_frames = |place: usize| OF_FRAMES.iter().any(|words| around(place).contains(words));
     let is_unfounded = |shown: &&Shown| {
         let is_level = LEVELS.iter().any(|level| text[shown.place..].starts_with(level));
-        !is_known(shown) && !is_level && !is_of_frames(shown.place)
+        !is_known(shown) && !is_level
     };
     let unknown = all.iter().filter(is_unfounded).map(|shown| around(shown.place)).collect();
     (all.len(), unknown)

@@ -1,6 +1,8 @@
 //! A systematic error that is left after correction: over which quantity, how large, and where.
 
 use super::binned::Structure;
+use super::format::{number, signed};
+use depthcal_io::WholeFrames;
 
 /// The data over which an error is systematic.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -31,4 +33,23 @@ pub(super) struct Finding {
     pub worst: String,
     /// Whether noise fails to explain it, with the number of tests allowed for.
     pub found: bool,
+}
+
+impl Finding {
+    /// That frames are off as wholes; whether they are is not decided yet.
+    pub(super) fn of_whole_frames(frames: &WholeFrames) -> Self {
+        let WholeFrames { p_value, size_mm, detectable_mm, worst, .. } = frames;
+        Self {
+            over: Over::WholeFrames,
+            structure: Structure { p_value: *p_value, size_mm: *size_mm, hidden_mm: *detectable_mm },
+            worst: format!(
+                "in frame {} at {} mm: {} mm, with a standard deviation of {} mm by noise, pose and fit",
+                worst.name,
+                number(worst.distance_mm),
+                signed(worst.error_mm),
+                number(worst.std_dev_mm)
+            ),
+            found: false,
+        }
+    }
 }

@@ -8,10 +8,10 @@ use super::covariates::{BINS, Image, all};
 use super::finding::{Finding, Over};
 use super::format::join;
 use super::format::{count, number, signed};
-use super::frame_noise::offsets;
-use super::input::{ReportCamera, Role};
+use super::input::{ReportCamera, ReportDataset, Role};
 use super::pool::Pool;
 use depthcal_calibration::judge::depth_errors::PixelError;
+use depthcal_calibration::judge::whole_frames::whole_frames;
 
 /// Columns of the map over the image.
 pub(super) const MAP_COLUMNS: usize = 20;
@@ -91,7 +91,7 @@ impl Leftover {
             let basis = smooth(BINS, ORDER);
             findings.push(finding(&format!("the {}", covariate.name), &binned, &basis, place));
         }
-        findings.extend(camera.calibrated.and_then(|c| offsets(c, &pool, FEWEST_FRAMES)));
+        findings.extend(frames_as_wholes(camera));
         let level = FALSE_ALARM / findings.len() as f64;
         for f in &mut findings {
             f.found = f.structure.p_value < level && f.structure.size_mm > WORTH * total;
@@ -166,6 +166,15 @@ impl Leftover {
         }
         text
     }
+}
+
+/// How far frames are off as wholes: of held-out ones, where there are enough, of the dataset where that is least likely chance.
+fn frames_as_wholes(camera: &ReportCamera<'_>) -> Option<Finding> {
+    let fit = camera.calibrated?;
+    let of_dataset = |d: &ReportDataset<'_>| Some((d.role == Role::Fitted, whole_frames(fit, &d.evaluated.frames)?));
+    let tested = camera.evaluations.iter().filter_map(of_dataset);
+    let (_, frames) = tested.min_by(|a, b| a.0.cmp(&b.0).then(a.1.p_value.total_cmp(&b.1.p_value)))?;
+    Some(Finding::of_whole_frames(&frames))
 }
 
 /// Bins along both sides of the board, from the pixels on it.

@@ -43,7 +43,6 @@ mod fit_sentences;
 mod fleet;
 pub mod format;
 mod formula_plot;
-mod frame_noise;
 mod grey_png;
 mod headline;
 mod html;

@@ -382,6 +382,7 @@ impl EvaluatedCamera {
             outliers: self.outliers(),
             intervals: None,
             depth_90_percent_mm: None,
+            whole_frames: None,
             frames_detail: Vec::new(),
         }
     }

@@ -13,3 +13,4 @@ mod linearity;
 pub mod parts;
 pub mod table;
 pub mod transfer;
+pub mod whole_frames;

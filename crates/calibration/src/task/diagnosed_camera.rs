@@ -86,7 +86,7 @@ impl DiagnosedCamera {
     /// `evaluation.json`: errors of the last model on fitted and on held-out frames.
     pub fn evaluation(&self) -> Evaluation {
         let record = |evaluated: &EvaluatedCamera, suffix: &str| {
-            evaluation_of(&Evaluated::of_camera(CAMERA, evaluated.clone()), suffix)
+            evaluation_of(&Evaluated::of_camera(CAMERA, evaluated.clone()), suffix, |_| Some(&self.diagnosis.last))
         };
         let mut evaluation = record(&self.on_fitted, "");
         extend(&mut evaluation, record(&self.diagnosis.after.evaluated, " (held out)"));

@@ -95,7 +95,7 @@ impl Evaluations {
     /// `evaluation.json`.
     pub fn record(&self) -> Evaluation {
         let mut evaluation = Evaluation::default();
-        self.datasets.iter().for_each(|(rig, _)| extend(&mut evaluation, evaluation_of(rig, "")));
+        self.datasets.iter().for_each(|(rig, _)| extend(&mut evaluation, evaluation_of(rig, "", |_| None)));
         evaluation
     }
 

@@ -154,7 +154,7 @@ impl FitRequest {
         let no_cameras = || CalibrateError::NoImages { dataset: loaded.name.clone() };
         let reference = loaded.cameras.first().map(|camera| camera.reference.clone()).ok_or_else(no_cameras)?;
         let record = calibration_record(&fitted, &on_fitted, reference, None);
-        let evaluation = evaluation_record(&on_fitted, held_out.as_ref());
+        let evaluation = evaluation_record(&fitted, &on_fitted, held_out.as_ref());
         Ok(Fit { loaded: loaded.clone(), fitted, images_only, on_fitted, held_out, record, evaluation, register })
     }
 
@@ -202,11 +202,12 @@ fn warn_of_unknown_focal_length(camera: &CameraFit) {
     }
 }
 
-/// The errors on frames that were fitted and on others.
-fn evaluation_record(on_fitted: &Evaluated, held_out: Option<&HeldOut>) -> Evaluation {
-    let mut evaluation = evaluation_of(on_fitted, "");
+/// The errors of a fit on frames that were fitted and on others.
+fn evaluation_record(fitted: &Calibrated, on_fitted: &Evaluated, held_out: Option<&HeldOut>) -> Evaluation {
+    let fit = |name: &str| fitted.camera(name).map(|camera| &camera.calibrated);
+    let mut evaluation = evaluation_of(on_fitted, "", fit);
     if let Some(HeldOut { how, evaluated, .. }) = held_out {
-        extend(&mut evaluation, evaluation_of(evaluated, &format!(" ({how})")));
+        extend(&mut evaluation, evaluation_of(evaluated, &format!(" ({how})"), fit));
     }
     evaluation
 }

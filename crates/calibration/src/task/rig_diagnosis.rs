@@ -25,15 +25,17 @@ pub struct DiagnosedRig {
 impl DiagnosedRig {
     /// `reference` is the dataset.
     pub(super) fn new(found: RigDiagnosis, reference: FileReference) -> Self {
-        let mut evaluation = evaluation_of(&found.fitted, "");
-        extend(&mut evaluation, evaluation_of(&found.after, " (held out)"));
+        let fit = |name: &str| found.last.camera(name).map(|camera| &camera.calibrated);
+        let mut evaluation = evaluation_of(&found.fitted, "", fit);
+        extend(&mut evaluation, evaluation_of(&found.after, " (held out)", fit));
         let calibration = calibration_record(&found.last, &found.fitted, reference, None);
         Self { found, calibration, evaluation }
     }
 
     /// The findings for `diagnosis.json`.
     pub(super) fn findings(&self) -> RigFindings {
-        let [before, after] = [&self.found.before, &self.found.after].map(|rig| evaluation_of(rig, " (held out)"));
+        let of_rig = |rig| evaluation_of(rig, " (held out)", |_| None);
+        let [before, after] = [&self.found.before, &self.found.after].map(of_rig);
         RigFindings {
             without_depth: self.found.without_depth.clone(),
             extrinsics_drift: self.found.drifts.iter().map(|test| test_record(test, &self.found)).collect(),

@@ -84,9 +84,42 @@ pub struct DatasetEvaluation {
     /// The range in which 90 % of the errors of single pixels lie, those of depth minus the board's depth, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_90_percent_mm: Option<BeforeAfter<Spread>>,
+    /// How far frames are off as wholes after correction; absent of fewer than eight frames, and of a calibration that was read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub whole_frames: Option<WholeFrames>,
     /// These errors for every frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frames_detail: Vec<FrameEvaluation>,
+}
+
+/// Deviations of whole frames, each the median of its pixels' errors, against what the noise of pixels, the pose from the image
+/// and the calibration's own uncertainty make of them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct WholeFrames {
+    /// Number of frames.
+    pub frames: usize,
+    /// Probability that the deviations are as large where nothing else moves the frames (χ² test). Standard deviations up to 1.5
+    /// times as large as the expected ones are allowed for.
+    pub p_value: f64,
+    /// Root mean square of the deviations beyond the expected ones, mm.
+    pub size_mm: f64,
+    /// Root mean square of the deviations up to which they would go unnoticed, mm.
+    pub detectable_mm: f64,
+    /// The frame whose deviation is the largest multiple of its standard deviation.
+    pub worst: FrameDeviation,
+}
+
+/// The deviation of a frame as a whole.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct FrameDeviation {
+    /// Name of the frame.
+    pub name: String,
+    /// Mean distance of its board, mm.
+    pub distance_mm: f64,
+    /// Median error of its pixels after correction, mm; positive where they are too far.
+    pub error_mm: f64,
+    /// Standard deviation of that by noise, pose and fit, mm.
+    pub std_dev_mm: f64,
 }
 
 /// 95 % intervals of errors with the meaning of [`DatasetEvaluation`], by resampling frames: pixels of a frame share errors.
@@ -212,6 +245,7 @@ mod tests {
                 outliers: Some(Outliers { count: 3, share: 0.125, limit_mm: 30.0 }),
                 intervals: Some(intervals),
                 depth_90_percent_mm: Some(BeforeAfter { before: range, after: range }),
+                whole_frames: None,
                 frames_detail: Vec::new(),
             }],
             transfer: Vec::new(),

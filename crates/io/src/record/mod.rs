@@ -51,8 +51,8 @@ pub use difference::{
     ExtrinsicsDifference, ParameterDifference, ProjectionDifference, grid_pixel,
 };
 pub use evaluation::{
-    BeforeAfter, DatasetEvaluation, ErrorIntervals, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms, Spread,
-    TransferAtDistance, TransferError,
+    BeforeAfter, DatasetEvaluation, ErrorIntervals, Evaluation, FrameDeviation, FrameEvaluation, MeanStd, Outliers,
+    Rms, Spread, TransferAtDistance, TransferError, WholeFrames,
 };
 pub use extrinsics::{DriftOver, DriftRecord, ExtrinsicsRecord, ExtrinsicsStdDev, TimeOffsetRecord};
 pub use findings::{
