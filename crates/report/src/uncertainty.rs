@@ -93,11 +93,7 @@ impl Uncertainty {
 
 /// Standard deviation of corrected depth, mm, at pixels with a measured depth (mm); NaN where depth cannot be corrected.
 /// `covariance` is that of all parameters, with zeros for fixed ones.
-pub(super) fn standard_deviations(
-    c: &CalibratedCamera,
-    covariance: &DMatrix<f64>,
-    points: &[(Context, f64)],
-) -> Vec<f64> {
+fn standard_deviations(c: &CalibratedCamera, covariance: &DMatrix<f64>, points: &[(Context, f64)]) -> Vec<f64> {
     let depth = uncertain_depth_of(c, covariance, Context::default());
     points.par_iter().map(|(context, z)| depth.std_dev(context, *z).parameters_mm).collect()
 }

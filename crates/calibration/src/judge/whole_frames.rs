@@ -30,12 +30,11 @@ pub fn whole_frames(fit: &CalibratedCamera, frames: &[EvaluatedFrame]) -> Option
         return None;
     }
     // From poses by the image alone: marker noise of a joint fit may contain errors of the depth model.
-    let reprojection = |f: &EvaluatedFrame| Some(f.record().reprojection_px?.rms);
-    let sigma_px =
-        quantile(frames.iter().filter_map(reprojection).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
+    let reprojection_px = |f: &EvaluatedFrame| rms(f.reprojection.iter().map(|e| e[2].hypot(e[3])));
+    let sigma_px = quantile(frames.iter().map(reprojection_px).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
     let uncertain = fit.covariance.as_ref().map(|covariance| uncertain_depth_of(fit, covariance, Context::default()));
-    let expected = Expected { fit, sigma_px, uncertain };
-    let deviations: Vec<FrameDeviation> = frames.par_iter().filter_map(|frame| expected.deviation(frame)).collect();
+    let causes = Causes { fit, sigma_px, uncertain };
+    let deviations: Vec<FrameDeviation> = frames.par_iter().filter_map(|frame| causes.deviation(frame)).collect();
     if deviations.len() < FEWEST_FRAMES {
         return None;
     }
@@ -55,7 +54,7 @@ pub fn whole_frames(fit: &CalibratedCamera, frames: &[EvaluatedFrame]) -> Option
 }
 
 /// The causes that move a frame as a whole without an error of the model: noise, its pose from the image, and the calibration.
-struct Expected<'a> {
+struct Causes<'a> {
     fit: &'a CalibratedCamera,
     /// Noise of a marker, px.
     sigma_px: f64,
@@ -63,7 +62,7 @@ struct Expected<'a> {
     uncertain: Option<UncertainDepth>,
 }
 
-impl Expected<'_> {
+impl Causes<'_> {
     /// The deviation of a frame; `None` of too few pixels, or where its standard deviation is unknown.
     fn deviation(&self, frame: &EvaluatedFrame) -> Option<FrameDeviation> {
         let pixels: Vec<&PixelError> = frame.pixels.iter().filter(|p| p.is_usable()).collect();
