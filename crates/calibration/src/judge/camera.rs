@@ -478,7 +478,7 @@ impl EvaluatedFrame {
 }
 
 /// Root mean square of reprojection errors; `None` without any: the camera has no images.
-fn reprojection<'a>(errors: impl Iterator<Item = &'a [f64; 4]> + Clone) -> Option<Rms> {
+pub(super) fn reprojection<'a>(errors: impl Iterator<Item = &'a [f64; 4]> + Clone) -> Option<Rms> {
     let is_any = errors.clone().next().is_some();
     is_any.then(|| Rms { rms: rms(errors.map(|e| e[2].hypot(e[3]))) })
 }

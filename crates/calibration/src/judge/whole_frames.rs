@@ -3,23 +3,24 @@
 
 use depthcal_io::{FrameDeviation, WholeFrames};
 use depthcal_model::Context;
+use depthcal_model::chain::POSE;
 use depthcal_model::uncertainty::UncertainDepth;
 use depthcal_statistics::{chi_squared_tail, median, quantile, rms};
-use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
+use nalgebra::{Isometry3, Point3, SVector, Vector3};
 use rayon::prelude::*;
 
-use super::camera::EvaluatedFrame;
+use super::camera::{EvaluatedFrame, reprojection};
 use super::depth_errors::PixelError;
 use crate::calibrate::CalibratedCamera;
 use crate::depth_uncertainty::uncertain_depth_of;
-use crate::observe::board_plane::BoardPlane;
+use crate::start::PoseInformation;
 
 /// Fewest frames that are tested …
 const FEWEST_FRAMES: usize = 8;
 /// … and fewest pixels of each.
 const FEWEST_PIXELS: usize = 20;
-/// Rays over which the depth of a pose is averaged.
-const RAYS: usize = 25;
+/// Pixels over which the depth of a pose is averaged, at most.
+const PIXELS_OF_A_POSE: usize = 25;
 /// Deviations up to this multiple of the expected noise are accepted, since that is an estimate itself.
 const CLEARLY: f64 = 1.5;
 
@@ -30,8 +31,9 @@ pub fn whole_frames(fit: &CalibratedCamera, frames: &[EvaluatedFrame]) -> Option
         return None;
     }
     // From poses by the image alone: marker noise of a joint fit may contain errors of the depth model.
-    let reprojection_px = |f: &EvaluatedFrame| rms(f.reprojection.iter().map(|e| e[2].hypot(e[3])));
-    let sigma_px = quantile(frames.iter().map(reprojection_px).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
+    let reprojection_px = |f: &EvaluatedFrame| Some(reprojection(f.reprojection.iter())?.rms);
+    let sigma_px =
+        quantile(frames.iter().filter_map(reprojection_px).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
     let uncertain = fit.covariance.as_ref().map(|covariance| uncertain_depth_of(fit, covariance, Context::default()));
     let causes = Causes { fit, sigma_px, uncertain };
     let deviations: Vec<FrameDeviation> = frames.par_iter().filter_map(|frame| causes.deviation(frame)).collect();
@@ -100,45 +102,27 @@ impl Causes<'_> {
 
 /// Standard deviation of the board's mean depth over some pixels, in mm per pixel of marker noise, when the pose comes
 /// from the markers.
+///
+/// With the pose's tangent (ω, τ) the board moves at its point P by n·(R (ω × P) + τ) along its normal n, and the depth on the
+/// ray d = (x, y, 1) by this over n·d: the gradient is (P × e₃, n) / n·d.
 fn pose_std(fit: &CalibratedCamera, pose: &Isometry3<f64>, pixels: &[&PixelError], markers: usize) -> Option<f64> {
     let points = fit.capture.target.points();
-    let step = pixels.len().div_ceil(RAYS);
-    let rays: Vec<[f64; 2]> = pixels
-        .iter()
-        .step_by(step)
-        .filter_map(|p| fit.camera.ray(fit.camera.image_pixel(&p.context), 1.0 / p.board_depth_mm).ok())
-        .collect();
-    let moved = |i: usize, by: f64| {
-        let d = |k: usize| if i == k { by } else { 0.0 };
-        pose * Isometry3::new(Vector3::new(d(0), d(1), d(2)), Vector3::new(d(3), d(4), d(5)))
+    let information = PoseInformation::of(&fit.camera, pose, &points, &vec![1.0; points.len()])?;
+    let normal = pose.rotation * Vector3::z();
+    let gradient_at = |[x, y]: [f64; 2]| {
+        let point = Point3::new(x, y, 0.0);
+        let in_camera = (pose * point).coords;
+        let turn = point.coords.cross(&Vector3::z());
+        let [turn, shift] = [turn, normal].map(|part| part * in_camera.z / normal.dot(&in_camera));
+        SVector::<f64, POSE>::from_fn(|i, _| if i < 3 { turn[i] } else { shift[i - 3] })
     };
-    let depth = |pose: &Isometry3<f64>| {
-        let plane = BoardPlane::new(pose);
-        rays.iter().map(|r| plane.depth(*r)).sum::<Option<f64>>().map(|s| s / rays.len() as f64)
-    };
-    let image_of = |pose: &Isometry3<f64>, p: &[f64; 2]| {
-        fit.camera.project(&(pose * nalgebra::Point3::new(p[0], p[1], 0.0)).coords)
-    };
-    // Small against the distances and angles of boards, large against rounding.
-    let steps = [1e-3, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6];
-    let mut gradient = SVector::<f64, 6>::zeros();
-    let poses: Vec<[Isometry3<f64>; 2]> = (0..6).map(|i| [moved(i, steps[i]), moved(i, -steps[i])]).collect();
-    for i in 0..6 {
-        gradient[i] = (depth(&poses[i][0])? - depth(&poses[i][1])?) / (2.0 * steps[i]);
-    }
-    let mut normal = SMatrix::<f64, 6, 6>::zeros();
-    for p in &points {
-        let mut rows = SMatrix::<f64, 2, 6>::zeros();
-        for i in 0..6 {
-            let (a, b) = (image_of(&poses[i][0], p)?, image_of(&poses[i][1], p)?);
-            (0..2).for_each(|r| rows[(r, i)] = (a[r] - b[r]) / (2.0 * steps[i]));
-        }
-        normal += rows.tr_mul(&rows);
-    }
+    let seen: Vec<_> =
+        pixels.iter().step_by(pixels.len().div_ceil(PIXELS_OF_A_POSE)).map(|p| gradient_at(p.board)).collect();
+    let mean = seen.iter().sum::<SVector<f64, POSE>>() / seen.len() as f64;
     // As if the found markers were spread like all markers.
     let share = points.len() as f64 / markers.max(1) as f64;
-    let variance = (gradient.transpose() * normal.try_inverse()? * gradient).x * share;
-    (variance > 0.0).then(|| variance.sqrt())
+    let std_dev = information.std_dev(mean) * share.sqrt();
+    (std_dev > 0.0).then_some(std_dev)
 }
 
 #[cfg(all(test, feature = "simulate"))]

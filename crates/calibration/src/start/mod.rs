@@ -20,8 +20,8 @@ pub use homography::{HomographyFit, fit_homography, homography};
 pub use lens_models::{LENS_MODELS, LensModel, lens_block, lens_models};
 pub(crate) use pose::mirrored_pose;
 pub use pose::{PoseFit, estimate_pose, local_poses, refine_pose};
-pub(crate) use pose_precision::doubt_between;
 pub use pose_precision::{MOST_UNCERTAIN_DEPTH, PoseDoubt, pose_doubt};
+pub(crate) use pose_precision::{PoseInformation, doubt_between};
 #[cfg(feature = "detect")]
 pub(crate) use start_values::is_wide;
 pub use start_values::{start_camera, start_values};

@@ -4,7 +4,7 @@ use std::fmt;
 
 use depthcal_model::chain::{POSE, Workspace};
 use depthcal_model::{Camera, Target};
-use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
+use nalgebra::{Cholesky, Const, Isometry3, SMatrix, SVector, Vector3};
 
 use super::frame_markers::FrameMarkers;
 use super::pose::{PoseFit, mirrored_pose};
@@ -125,6 +125,45 @@ fn squared_distances(
     frame.markers.iter().map(square).sum()
 }
 
+/// The information of points of a board in an image on its pose, factorised.
+pub(crate) struct PoseInformation {
+    /// Angles and lengths differ in size: the information is scaled to a unit diagonal.
+    scale: SVector<f64, POSE>,
+    factor: Cholesky<f64, Const<POSE>>,
+}
+
+impl PoseInformation {
+    /// Of points of the board, mm, each with the standard deviation of its pixel; `None` where they leave the pose undetermined,
+    /// or have no projection.
+    pub fn of(
+        camera: &Camera,
+        camera_from_board: &Isometry3<f64>,
+        points: &[[f64; 2]],
+        std_px: &[f64],
+    ) -> Option<Self> {
+        let mut pixels = vec![[0.0; 2]; points.len()];
+        let mut jacobian = vec![0.0; 2 * points.len() * POSE];
+        let (chain, mut work) = (camera.chain(), Workspace::default());
+        chain.image_by_pose(&mut work, &camera.theta(), camera_from_board, points, &mut pixels, &mut jacobian).ok()?;
+        let mut normal = SMatrix::<f64, POSE, POSE>::zeros();
+        for (rows, std_px) in jacobian.chunks_exact(2 * POSE).zip(std_px) {
+            for row in rows.chunks_exact(POSE) {
+                let row = SVector::<f64, POSE>::from_column_slice(row) / *std_px;
+                normal += row * row.transpose();
+            }
+        }
+        let scale = normal.diagonal().map(|n| 1.0 / n.max(f64::MIN_POSITIVE).sqrt());
+        let scaled = SMatrix::<f64, POSE, POSE>::from_fn(|i, j| normal[(i, j)] * scale[i] * scale[j]);
+        Some(Self { scale, factor: scaled.cholesky()? })
+    }
+
+    /// Standard deviation of a quantity with this gradient by the pose's tangent (ω, τ).
+    pub fn std_dev(&self, gradient: SVector<f64, POSE>) -> f64 {
+        let scaled = gradient.component_mul(&self.scale);
+        scaled.dot(&self.factor.solve(&scaled)).max(0.0).sqrt()
+    }
+}
+
 /// Largest standard deviation of depth over depth at the markers, per pixel of the markers' standard deviation; `None` where
 /// they leave the pose undetermined. With the pose's tangent (ω, τ) the depth of the board point P is
 /// z = e₃ᵀ(R Exp(ω) P + t + τ), whose derivative is (P × Rᵀe₃, e₃).
@@ -134,32 +173,17 @@ fn depth_deviation(
     frame: &FrameMarkers<'_>,
     camera_from_board: &Isometry3<f64>,
 ) -> Option<f64> {
-    let chain = camera.chain();
     let points: Vec<[f64; 2]> = frame.markers.iter().map(|m| target.point(m.index)).collect();
-    let mut pixels = vec![[0.0; 2]; points.len()];
-    let mut jacobian = vec![0.0; 2 * points.len() * POSE];
-    let mut work = Workspace::default();
-    chain.image_by_pose(&mut work, &camera.theta(), camera_from_board, &points, &mut pixels, &mut jacobian).ok()?;
-    let mut normal = SMatrix::<f64, POSE, POSE>::zeros();
-    for (rows, marker) in jacobian.chunks_exact(2 * POSE).zip(frame.markers) {
-        for row in rows.chunks_exact(POSE) {
-            let row = SVector::<f64, POSE>::from_column_slice(row) / marker.std_px;
-            normal += row * row.transpose();
-        }
-    }
-    // Angles and lengths differ in size: scaled to a unit diagonal.
-    let scale = normal.diagonal().map(|n| 1.0 / n.max(f64::MIN_POSITIVE).sqrt());
-    let scaled = SMatrix::<f64, POSE, POSE>::from_fn(|i, j| normal[(i, j)] * scale[i] * scale[j]);
-    let factor = scaled.cholesky()?;
+    let std_px: Vec<f64> = frame.markers.iter().map(|m| m.std_px).collect();
+    let information = PoseInformation::of(camera, camera_from_board, &points, &std_px)?;
     let sight = camera_from_board.rotation.inverse() * Vector3::z();
     let shares = places(target, frame).map(|p| {
         let turn = p.cross(&sight);
         let mut gradient = SVector::<f64, POSE>::zeros();
         gradient.fixed_rows_mut::<3>(0).copy_from(&turn);
         gradient[5] = 1.0;
-        gradient.component_mul_assign(&scale);
         let z = (camera_from_board * nalgebra::Point3::from(p)).z;
-        gradient.dot(&factor.solve(&gradient)).max(0.0).sqrt() / z
+        information.std_dev(gradient) / z
     });
     let largest = shares.fold(0.0, |a: f64, b| {
         if b >= a {
